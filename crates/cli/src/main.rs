@@ -1,0 +1,2 @@
+//! The manylight command line
+fn main() {}

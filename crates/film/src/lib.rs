@@ -1,0 +1,1 @@
+//! Film, EXR and PNG output, and image error figures

@@ -1,0 +1,1 @@
+//! Many-light methods and the renderer that gathers light at each shading point

@@ -1,0 +1,1 @@
+//! Light trees, cuts and hierarchical importance sampling; knows no scene and no material

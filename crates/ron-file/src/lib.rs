@@ -1,0 +1,1 @@
+//! RON files: overrides by path, bare variants, errors that name file, line, column and field

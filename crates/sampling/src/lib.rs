@@ -1,0 +1,1 @@
+//! Random streams, warps and discrete distributions for rendering

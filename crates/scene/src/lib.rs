@@ -1,0 +1,55 @@
+//! Scenes: what is lit, by what, seen from where.
+//!
+//! [`load`](load::load) turns `scene.ron` and the files it names into a [`Scene`], and checks every
+//! number on the way; what holds a `Scene` need not check again.
+
+mod camera;
+mod emitter;
+mod error;
+pub mod load;
+mod material;
+mod mesh;
+mod texture;
+
+pub use camera::CameraSpec;
+pub use emitter::Emitter;
+pub use error::SceneError;
+pub use material::{Material, MaterialId};
+pub use mesh::{ABSENT, Mesh};
+pub use texture::{Texture, TextureId};
+
+/// Everything a render reads: geometry, materials, lights, camera. World space, scene units, linear RGB.
+#[derive(Debug, Default, Clone)]
+pub struct Scene {
+    /// All geometry files merged.
+    pub mesh: Mesh,
+    /// Indexed by [`MaterialId`]; index 0 always exists (the default grey for faces without a material).
+    pub materials: Vec<Material>,
+    /// Indexed by [`TextureId`]; one entry per file, however many materials use it.
+    pub textures: Vec<Texture>,
+    /// The scene's own lights, in file order; empty is legal and renders black.
+    pub emitters: Vec<Emitter>,
+    /// Where the picture is seen from.
+    pub camera: CameraSpec,
+    /// Length of a scene unit in metres; information only, all computation is in scene units.
+    pub metres_per_unit: f32,
+    /// What loading dropped or noticed.
+    pub notes: LoadNotes,
+}
+
+/// What loading dropped or noticed; goes into the report, nothing is dropped in silence.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub struct LoadNotes {
+    /// Triangles without area, dropped.
+    pub degenerate_triangles: usize,
+    /// Triangles that repeat another one exactly (same three positions), dropped.
+    pub duplicate_triangles: usize,
+    /// Stored normals of length zero, replaced by the face normal.
+    pub zero_normals: usize,
+    /// Lights of zero power, dropped.
+    pub zero_power_lights: usize,
+    /// Emissive materials (`Ke`) that the scene's `lights` list does not ask for.
+    pub ignored_emissive_materials: usize,
+    /// Other things worth a line in the report, each a sentence.
+    pub remarks: Vec<String>,
+}

@@ -1,0 +1,1 @@
+//! Reading `scene.ron`, OBJ, MTL and textures.

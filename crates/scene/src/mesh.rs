@@ -1,0 +1,45 @@
+//! Triangle geometry.
+
+use glam::{Vec2, Vec3};
+
+use crate::MaterialId;
+
+/// Marks a corner without a normal or texture coordinate.
+pub const ABSENT: u32 = u32::MAX;
+
+/// Triangles with shared vertices. All attribute index arrays are as long as `indices`, or empty when
+/// no triangle has that attribute.
+#[derive(Debug, Default, Clone)]
+pub struct Mesh {
+    /// World-space positions, finite.
+    pub positions: Vec<Vec3>,
+    /// Unit shading normals.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, v up as in OBJ (v = 0 is the bottom row of the image).
+    pub uvs: Vec<Vec2>,
+    /// Three indices into `positions` a triangle; no triangle is degenerate, no two have the same positions.
+    pub indices: Vec<[u32; 3]>,
+    /// Indices into `normals`; [`ABSENT`] in all three corners where the triangle shades flat.
+    pub normal_indices: Vec<[u32; 3]>,
+    /// Indices into `uvs`; [`ABSENT`] in all three corners where there are none.
+    pub uv_indices: Vec<[u32; 3]>,
+    /// One a triangle.
+    pub materials: Vec<MaterialId>,
+}
+
+impl Mesh {
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Whether there is no triangle at all.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// Corner positions of triangle `t`.
+    pub fn corners(&self, t: usize) -> [Vec3; 3] {
+        self.indices[t].map(|i| self.positions[i as usize])
+    }
+}

@@ -1,0 +1,1 @@
+//! Statistical checks for tests: chi-square, z-test

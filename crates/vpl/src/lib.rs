@@ -1,0 +1,1 @@
+//! Virtual lights: light tracing from a scene's lights
