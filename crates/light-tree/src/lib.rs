@@ -1,1 +1,25 @@
-//! Light trees, cuts and hierarchical importance sampling; knows no scene and no material
+//! Light trees: how one light among millions is found for a point in a few hundred nanoseconds.
+//!
+//! A [`LightSet`] holds the lights, a [`LightTree`] the hierarchy over them. For a [`Receiver`]
+//! (a point with a normal) a [`Cut`] splits the tree into up to N clusters by error bound, and
+//! [`LightTree::select`] draws one light from a cluster with a known probability. This crate knows
+//! no scene, no material and no visibility.
+//!
+//! Source: Yuksel, "Stochastic Lightcuts", High-Performance Graphics 2019, and its supplement.
+
+mod bounds;
+mod build;
+mod cone;
+mod cut;
+mod lights;
+mod select;
+mod tree;
+mod weight;
+
+pub use bounds::{DistanceRange, Receiver};
+pub use cone::Cone;
+pub use cut::Cut;
+pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};
+pub use select::{DeadBranch, Selected, Selector};
+pub use tree::{LightTree, Node, NodeId};
+pub use weight::NodeWeights;

@@ -1,1 +1,12 @@
-//! Random streams, warps and discrete distributions for rendering
+//! Randomness for rendering: reproducible streams, warps from the unit square, discrete choice.
+//!
+//! Every random decision draws from a [`Rng`] that is a pure function of (seed, index, sample, purpose),
+//! so that a picture is the same for any number of threads and any order of work.
+
+mod discrete;
+mod rng;
+mod warp;
+
+pub use discrete::Discrete;
+pub use rng::{Purpose, Rng};
+pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};

@@ -1,0 +1,235 @@
+//! Bounds on distance and on cosines over boxes.
+
+use glam::{Mat3A, Vec3, Vec3A};
+
+use crate::cone::Cone;
+use crate::tree::Node;
+
+/// The point that is lit, with what bounds need of it worked out once.
+#[derive(Debug, Clone, Copy)]
+pub struct Receiver {
+    position: Vec3A,
+    /// World to a frame whose z is the normal, column by column.
+    frame: Mat3A,
+    /// Its absolute values: half extents of a box become half extents in the frame.
+    frame_abs: Mat3A,
+    normal: Vec3A,
+}
+
+/// Least and greatest squared distance from a point to a box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceRange {
+    /// 0 inside the box.
+    pub least2: f32,
+    /// Never less than `least2`.
+    pub greatest2: f32,
+}
+
+/// Relative slack of the cosine bound, so that rounding never makes a lit box dark.
+const SLACK: f32 = 1e-6;
+
+impl Receiver {
+    /// A point at `position` that light reaches from the side of unit `normal`.
+    ///
+    /// # Panics
+    /// In debug builds, when `normal` is not of unit length or a number is not finite.
+    pub fn new(position: Vec3, normal: Vec3) -> Self {
+        debug_assert!(position.is_finite(), "receiver at {position}");
+        debug_assert!(normal.is_normalized(), "receiver normal {normal}");
+        let (t, b) = normal.any_orthonormal_pair();
+        let frame = Mat3A::from_cols(t.into(), b.into(), normal.into()).transpose();
+        let frame_abs = Mat3A::from_cols(frame.x_axis.abs(), frame.y_axis.abs(), frame.z_axis.abs());
+        Self { position: position.into(), frame, frame_abs, normal: normal.into() }
+    }
+
+    /// Upper bound of cos⁺ of the angle between the normal and the direction to any point of the box;
+    /// 0 only when no point of it is above the horizon.
+    ///
+    /// Source: Walter et al. 2005, §3.2: the box is bounded in a frame about the normal, and the cosine
+    /// z/√(x²+y²+z²) is greatest for the greatest z and the least |x| and |y|.
+    #[inline]
+    pub fn cos_bound(&self, node: &Node) -> f32 {
+        let (centre, half) = node.centre_and_half();
+        self.cos_bound_over(centre - self.position, half)
+    }
+
+    #[inline]
+    pub(crate) fn cos_bound_over(&self, centre: Vec3A, half: Vec3A) -> f32 {
+        let c = self.frame * centre;
+        let e = self.frame_abs * (half + SLACK * centre.abs());
+        let top = c.z + e.z;
+        let beside = (c.abs() - e).max(Vec3A::ZERO);
+        let across2 = beside.x * beside.x + beside.y * beside.y;
+        // At the receiver itself 0/0: any direction is possible there.
+        let bound = top / (across2 + top * top).sqrt();
+        if top > 0.0 {
+            bound
+        } else if half == Vec3A::ZERO && centre == Vec3A::ZERO {
+            1.0
+        } else {
+            0.0
+        }
+    }
+
+    /// Upper bound of cos⁺ between the normal and the direction against the travel of parallel light in
+    /// `travel`; 0 only when all of it comes from below the horizon.
+    pub fn cos_bound_parallel(&self, travel: Cone) -> f32 {
+        let cos = -self.normal.dot(travel.axis.into());
+        widened_cos(cos, travel.cos)
+    }
+
+    /// Distances to the box of a node that has positional lights.
+    #[inline]
+    pub fn distances(&self, node: &Node) -> DistanceRange {
+        let (centre, half) = node.centre_and_half();
+        let away = (centre - self.position).abs();
+        DistanceRange {
+            least2: (away - half).max(Vec3A::ZERO).length_squared(),
+            greatest2: (away + half).length_squared(),
+        }
+    }
+
+    /// Offset from the receiver to the centre of the node's box, and the box's half extent.
+    #[inline]
+    pub(crate) fn offset(&self, node: &Node) -> (Vec3A, Vec3A) {
+        let (centre, half) = node.centre_and_half();
+        (centre - self.position, half)
+    }
+
+    /// Upper bound of cos⁺ between an emission axis in `cone` and the direction from any point of the box
+    /// to the receiver; 0 only when the receiver is behind every light below.
+    pub fn emission_bound(&self, node: &Node, cone: Cone) -> f32 {
+        if cone.cos <= 0.0 {
+            return 1.0;
+        }
+        let (centre, half) = node.centre_and_half();
+        // Seen from the lights the receiver fills the mirrored box.
+        let from_axis = Receiver::new(Vec3::ZERO, cone.axis);
+        let cos = from_axis.cos_bound_over(self.position - centre, half);
+        if cos > 0.0 {
+            return widened_cos(cos, cone.cos);
+        }
+        // Below the axis' horizon the bound on cos⁺ says nothing of how far: only a wide cone reaches there.
+        let below = self.lowest_cos(cone.axis.into(), self.position - centre, half);
+        widened_cos(below, cone.cos)
+    }
+
+    /// Upper bound of a cosine known to be ≤ 0: the greatest z over the greatest length.
+    fn lowest_cos(&self, axis: Vec3A, centre: Vec3A, half: Vec3A) -> f32 {
+        let top = axis.dot(centre) + axis.abs().dot(half + SLACK * centre.abs());
+        let length2 = (centre.abs() + half).length_squared();
+        if length2 > 0.0 { (top / length2.sqrt()).clamp(-1.0, 1.0) } else { 1.0 }
+    }
+}
+
+/// cos⁺(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
+fn widened_cos(cos: f32, cos_half: f32) -> f32 {
+    if cos >= cos_half - SLACK {
+        return 1.0;
+    }
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let sin_half = (1.0 - cos_half * cos_half).max(0.0).sqrt();
+    let widened = cos * cos_half + sin * sin_half + SLACK;
+    widened.clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lights::LightId;
+    use arbtest::arbitrary::{Result, Unstructured};
+
+    fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
+        Ok(match u.int_in_range(0..=4)? {
+            0 => 0.0,
+            1 => 1.0,
+            2 => 1.0 + f32::from(u.arbitrary::<i8>()?) * f32::EPSILON,
+            3 => f32::from(u.arbitrary::<i8>()?) * 1e-5,
+            _ => f32::from(u.arbitrary::<i16>()?) / 4096.0,
+        })
+    }
+
+    fn point(u: &mut Unstructured<'_>) -> Result<Vec3> {
+        Ok(Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?))
+    }
+
+    fn boxed(a: Vec3, b: Vec3) -> Node {
+        Node::leaf(a.min(b), a.max(b), 1.0, LightId(0))
+    }
+
+    /// A point of the box: a corner, the middle, or anywhere.
+    fn inside(u: &mut Unstructured<'_>, node: &Node) -> Result<Vec3> {
+        let mut at = |lo: f32, hi: f32| -> Result<f32> {
+            let t = f32::from(u.int_in_range(0..=4u8)?) / 4.0;
+            Ok((lo + (hi - lo) * t).clamp(lo, hi))
+        };
+        Ok(Vec3::new(at(node.lo.x, node.hi.x)?, at(node.lo.y, node.hi.y)?, at(node.lo.z, node.hi.z)?))
+    }
+
+    fn cos_plus(n: Vec3, d: Vec3) -> f64 {
+        let (n, d) = (n.as_dvec3(), d.as_dvec3());
+        if d.length() == 0.0 { 0.0 } else { (n.dot(d) / (n.length() * d.length())).max(0.0) }
+    }
+
+    #[test]
+    fn no_point_of_a_box_exceeds_the_cosine_bound() {
+        arbtest::arbtest(|u| {
+            let node = boxed(point(u)?, point(u)?);
+            let x = point(u)?;
+            let n = point(u)?.try_normalize().unwrap_or(Vec3::Z);
+            let bound = Receiver::new(x, n).cos_bound(&node);
+            assert!((0.0..=1.0 + 1e-5).contains(&bound), "bound {bound}");
+            for _ in 0..8 {
+                let p = inside(u, &node)?;
+                let truth = cos_plus(n, p - x);
+                assert!(f64::from(bound) >= truth - 2e-6, "bound {bound} truth {truth} at {p} from {x}, n {n}");
+                assert!(bound > 0.0 || n.dot(p - x) <= 0.0, "a lit point has bound 0: {p} from {x}, n {n}");
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn no_light_of_a_cluster_exceeds_the_emission_bound() {
+        arbtest::arbtest(|u| {
+            let node = boxed(point(u)?, point(u)?);
+            let x = point(u)?;
+            let axes: Vec<Vec3> =
+                (0..3).map(|_| Ok(point(u)?.try_normalize().unwrap_or(Vec3::Y))).collect::<Result<_>>()?;
+            let cone = axes.iter().fold(Cone::of(axes[0]), |c, a| c.union(Cone::of(*a)));
+            let bound = Receiver::new(x, Vec3::Z).emission_bound(&node, cone);
+            for axis in axes {
+                let p = inside(u, &node)?;
+                let truth = cos_plus(axis, x - p);
+                // The cone's own slack of 2e-6 rad and acos near 1 leave a few 1e-4 of angle.
+                assert!(f64::from(bound) >= truth - 1e-5, "bound {bound} truth {truth}: light {p} axis {axis}, x {x}");
+                assert!(bound > 0.0 || axis.dot(x - p) <= 1e-6, "a lit receiver has bound 0");
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn distances_enclose_every_point() {
+        arbtest::arbtest(|u| {
+            let node = boxed(point(u)?, point(u)?);
+            let x = point(u)?;
+            let range = Receiver::new(x, Vec3::Z).distances(&node);
+            let p = inside(u, &node)?;
+            let truth = p.as_dvec3().distance_squared(x.as_dvec3());
+            let slack = 1e-5 * (f64::from(range.greatest2) + 1e-12);
+            assert!(f64::from(range.least2) <= truth + slack, "{range:?} above {truth}");
+            assert!(f64::from(range.greatest2) >= truth - slack, "{range:?} below {truth}");
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn a_box_below_the_horizon_is_dark_and_one_at_the_receiver_is_not() {
+        let receiver = Receiver::new(Vec3::ZERO, Vec3::Y);
+        let below = boxed(Vec3::new(-1.0, -2.0, -1.0), Vec3::new(1.0, -1.0, 1.0));
+        assert_eq!(receiver.cos_bound(&below), 0.0, "below");
+        let here = boxed(Vec3::ZERO, Vec3::ZERO);
+        assert_eq!(receiver.cos_bound(&here), 1.0, "a light at the receiver");
+    }
+}

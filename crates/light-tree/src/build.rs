@@ -1,0 +1,442 @@
+//! Top-down binned build over position and emission axis.
+//!
+//! A split is sought along the three axes of space and, where lights have directions, the three of
+//! the direction, by the cluster metric of Walter et al. 2005 (§3.1, eq. for cluster size):
+//! ‖I‖ (α² + c² (1 − cos β)²), α the box diagonal, β the half angle of the directions, c the diagonal
+//! of the whole. Splitting by direction matters for virtual lights: both sides of a wall, and the
+//! walls of a corner, are close in space and light different places.
+
+use std::cmp::Ordering;
+
+use glam::{Vec3, Vec3A};
+
+use crate::cone::Cone;
+use crate::lights::{LightId, LightKind, LightSet, luminance};
+use crate::tree::{LightTree, MAX_LIGHTS, Node, Pair};
+
+/// A light while the tree is built; half a cache line.
+#[derive(Clone, Copy)]
+struct Item {
+    position: Vec3,
+    intensity: f32,
+    axis: Vec3,
+    id: u32,
+}
+
+/// What does not change during a build.
+struct Context {
+    oriented: bool,
+    /// Squared diagonal of the box around everything: c² of the metric.
+    diagonal2: f32,
+    /// Below this depth clusters are halved by count, so that no input makes a deep tree.
+    balance_below: u32,
+}
+
+/// Where a subtree of n lights puts its n − 1 pairs; `cones` and `directional` are as long or empty.
+struct Out<'a> {
+    pairs: &'a mut [Pair],
+    cones: &'a mut [[Cone; 2]],
+    directional: &'a mut [[f32; 2]],
+    /// Index of `pairs[0]` in the whole tree.
+    first: u32,
+}
+
+impl<'a> Out<'a> {
+    /// The pair for a node's own children, and the rest for the `left` and the other subtree.
+    fn split(self, left: usize) -> (Out<'a>, Out<'a>, Out<'a>) {
+        let (own, pairs) = self.pairs.split_at_mut(1);
+        let (own_cones, cones) = self.cones.split_at_mut(1.min(self.cones.len()));
+        let (own_directional, directional) = self.directional.split_at_mut(1.min(self.directional.len()));
+        let n = left - 1;
+        let (pairs_l, pairs_r) = pairs.split_at_mut(n);
+        let (cones_l, cones_r) = cones.split_at_mut(n.min(cones.len()));
+        let (directional_l, directional_r) = directional.split_at_mut(n.min(directional.len()));
+        let first = self.first;
+        (
+            Out { pairs: own, cones: own_cones, directional: own_directional, first },
+            Out { pairs: pairs_l, cones: cones_l, directional: directional_l, first: first + 1 },
+            Out { pairs: pairs_r, cones: cones_r, directional: directional_r, first: first + 1 + n as u32 },
+        )
+    }
+}
+
+/// A finished subtree's top node with what lies beside it.
+#[derive(Clone, Copy)]
+struct Top {
+    node: Node,
+    cone: Cone,
+    directional: f32,
+    depth: u32,
+}
+
+pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
+    let n = lights.len();
+    assert!(n <= MAX_LIGHTS, "{n} lights; a light tree holds at most {MAX_LIGHTS}");
+    if n == 0 {
+        return None;
+    }
+    let mut items: Vec<Item> = lights
+        .ids()
+        .map(|id| Item {
+            position: lights.position(id),
+            intensity: luminance(lights.intensity(id)),
+            axis: lights.axis(id),
+            id: id.0,
+        })
+        .collect();
+    // Directional lights have no place: they get a subtree of their own beside all the others.
+    let parallel = lights.count(LightKind::Directional);
+    if parallel > 0 {
+        items.sort_by_key(|i| (lights.kind(LightId(i.id)) == LightKind::Directional, i.id));
+    }
+    let positional = n - parallel;
+
+    let oriented = items.iter().any(|i| i.axis != Vec3::ZERO);
+    let (lo, hi) = position_bounds(&items[..positional]);
+    let diagonal2 = if positional > 0 { (hi - lo).length_squared() } else { 0.0 };
+    let context = Context { oriented, diagonal2, balance_below: 2 * usize::BITS.saturating_sub(n.leading_zeros()) };
+
+    let mut pairs = vec![Pair([Node::UNUSED; 2]); n];
+    let mut cones = if oriented { vec![[Cone::SPHERE; 2]; n] } else { Vec::new() };
+    let mut directional = if parallel > 0 { vec![[0.0; 2]; n] } else { Vec::new() };
+    let (root_cone, cones_below) = cones.split_at_mut(usize::from(oriented));
+    let (root_directional, directional_below) = directional.split_at_mut(usize::from(parallel > 0));
+    let (root_pair, pairs_below) = pairs.split_at_mut(1);
+    let out = Out { pairs: pairs_below, cones: cones_below, directional: directional_below, first: 1 };
+    let forced = (parallel > 0 && positional > 0).then_some(positional);
+    let root = subtree(&context, lights, &mut items, out, 0, forced);
+    root_pair[0].0[0] = root.node;
+    if let Some(c) = root_cone.first_mut() {
+        c[0] = root.cone;
+    }
+    if let Some(d) = root_directional.first_mut() {
+        d[0] = root.directional;
+    }
+    Some(LightTree {
+        pairs,
+        cones: cones.into_iter().flatten().collect(),
+        directional: directional.into_iter().flatten().collect(),
+        lights: n,
+        depth: root.depth,
+        diagonal2,
+        least_dist2: 1.5 * lights.radius() * lights.radius(),
+    })
+}
+
+/// Builds the subtree over `items`, split after `forced` items when that is given.
+fn subtree(
+    context: &Context,
+    lights: &LightSet,
+    items: &mut [Item],
+    out: Out<'_>,
+    depth: u32,
+    forced: Option<usize>,
+) -> Top {
+    let n = items.len();
+    if n == 1 {
+        return leaf(lights, LightId(items[0].id), items[0].intensity);
+    }
+    let left = forced.unwrap_or_else(|| {
+        if depth >= context.balance_below { halve(items) } else { split(context, items) }
+    });
+    let (own, out_l, out_r) = out.split(left);
+    let (items_l, items_r) = items.split_at_mut(left);
+    let build_l = |items| subtree(context, lights, items, out_l, depth + 1, None);
+    let build_r = |items| subtree(context, lights, items, out_r, depth + 1, None);
+    // Smaller tasks cost more to hand over than to do.
+    let (l, r) = if n > 4096 {
+        rayon::join(|| build_l(items_l), || build_r(items_r))
+    } else {
+        (build_l(items_l), build_r(items_r))
+    };
+    own.pairs[0] = Pair([l.node, r.node]);
+    if let Some(c) = own.cones.first_mut() {
+        *c = [l.cone, r.cone];
+    }
+    if let Some(d) = own.directional.first_mut() {
+        *d = [l.directional, r.directional];
+    }
+    Top {
+        node: Node::inner(
+            l.node.lo.min(r.node.lo),
+            l.node.hi.max(r.node.hi),
+            l.node.intensity + r.node.intensity,
+            2 * own.first,
+        ),
+        cone: if context.oriented { l.cone.union(r.cone) } else { Cone::SPHERE },
+        directional: l.directional + r.directional,
+        depth: 1 + l.depth.max(r.depth),
+    }
+}
+
+fn leaf(lights: &LightSet, id: LightId, scalar: f32) -> Top {
+    let cone = Cone::of(lights.axis(id));
+    match lights.kind(id) {
+        LightKind::Directional => {
+            let nowhere = Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id);
+            Top { node: nowhere, cone, directional: scalar, depth: 0 }
+        }
+        LightKind::Omni | LightKind::Virtual => {
+            let p = lights.position(id);
+            Top { node: Node::leaf(p, p, scalar, id), cone, directional: 0.0, depth: 0 }
+        }
+    }
+}
+
+fn position_bounds(items: &[Item]) -> (Vec3, Vec3) {
+    items.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), i| (lo.min(i.position), hi.max(i.position)))
+}
+
+/// Most bins an axis is divided into.
+const BINS: usize = 16;
+/// Clusters larger than this are judged by about so many of their lights.
+const JUDGED: usize = 1 << 14;
+/// Lights that fall into one slice along one axis.
+#[derive(Clone, Copy)]
+struct Bin {
+    lo: Vec3A,
+    hi: Vec3A,
+    axis_lo: Vec3A,
+    axis_hi: Vec3A,
+    intensity: f64,
+    count: u32,
+}
+
+impl Bin {
+    const EMPTY: Self = Self {
+        lo: Vec3A::INFINITY,
+        hi: Vec3A::NEG_INFINITY,
+        axis_lo: Vec3A::INFINITY,
+        axis_hi: Vec3A::NEG_INFINITY,
+        intensity: 0.0,
+        count: 0,
+    };
+
+    #[inline]
+    fn add(&mut self, position: Vec3A, axis: Vec3A, intensity: f32) {
+        self.lo = self.lo.min(position);
+        self.hi = self.hi.max(position);
+        self.axis_lo = self.axis_lo.min(axis);
+        self.axis_hi = self.axis_hi.max(axis);
+        self.intensity += f64::from(intensity);
+        self.count += 1;
+    }
+
+    #[inline]
+    fn merge(&mut self, other: &Self) {
+        self.lo = self.lo.min(other.lo);
+        self.hi = self.hi.max(other.hi);
+        self.axis_lo = self.axis_lo.min(other.axis_lo);
+        self.axis_hi = self.axis_hi.max(other.axis_hi);
+        self.intensity += other.intensity;
+        self.count += other.count;
+    }
+
+    /// ‖I‖ (α² + c² (1 − cos β)²) with the cone taken from the box around the axes: its half diagonal is
+    /// the chord 2 sin(β/2), so 1 − cos β = diagonal²/8.
+    fn cost(&self, context: &Context) -> f64 {
+        let alpha2 = (self.hi - self.lo).length_squared();
+        let spread = if context.oriented { (self.axis_hi - self.axis_lo).length_squared() / 8.0 } else { 0.0 };
+        self.intensity * f64::from(alpha2 + context.diagonal2 * spread * spread)
+    }
+}
+
+/// Six numbers that a cluster may be split along.
+#[derive(Clone, Copy)]
+struct Grid {
+    lo: [f32; 6],
+    scale: [f32; 6],
+    bins: usize,
+    dims: usize,
+}
+
+impl Grid {
+    fn over(context: &Context, items: &[Item], stride: usize) -> Self {
+        let dims = if context.oriented { 6 } else { 3 };
+        let mut lo = (Vec3::INFINITY, Vec3::INFINITY);
+        let mut hi = (Vec3::NEG_INFINITY, Vec3::NEG_INFINITY);
+        for i in items.iter().step_by(stride) {
+            lo = (lo.0.min(i.position), lo.1.min(i.axis));
+            hi = (hi.0.max(i.position), hi.1.max(i.axis));
+        }
+        let (lo, hi) = (six(lo.0, lo.1), six(hi.0, hi.1));
+        let bins = BINS.min(items.len()).max(2);
+        // An axis without extent puts everything into bin 0; its scale must not be 0/0.
+        let scale = std::array::from_fn(|d| {
+            let scale = bins as f32 / (hi[d] - lo[d]);
+            if scale.is_finite() { scale } else { 0.0 }
+        });
+        Self { lo, scale, bins, dims }
+    }
+
+    #[inline]
+    fn bin(&self, d: usize, x: f32) -> usize {
+        // The cast saturates: values outside the judged lights' range go to the end bins.
+        (((x - self.lo[d]) * self.scale[d]) as usize).min(self.bins - 1)
+    }
+}
+
+fn six(a: Vec3, b: Vec3) -> [f32; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
+
+/// Reorders `items` into two clusters of least cost and returns the size of the first.
+fn split(context: &Context, items: &mut [Item]) -> usize {
+    let n = items.len();
+    if n == 2 {
+        return 1;
+    }
+    let stride = n.div_ceil(JUDGED).max(1);
+    let grid = Grid::over(context, items, stride);
+    let mut bins = [[Bin::EMPTY; BINS]; 6];
+    for item in items.iter().step_by(stride) {
+        let coordinates = six(item.position, item.axis);
+        let (position, axis) = (Vec3A::from(item.position), Vec3A::from(item.axis));
+        for d in 0..grid.dims {
+            bins[d][grid.bin(d, coordinates[d])].add(position, axis, item.intensity);
+        }
+    }
+    let mut best: Option<(f64, usize, usize)> = None;
+    for d in 0..grid.dims {
+        if grid.scale[d] == 0.0 {
+            continue;
+        }
+        let mut right_cost = [0.0; BINS];
+        let mut right = Bin::EMPTY;
+        for b in (1..grid.bins).rev() {
+            right.merge(&bins[d][b]);
+            right_cost[b] = if right.count > 0 { right.cost(context) } else { f64::INFINITY };
+        }
+        let mut left = Bin::EMPTY;
+        for b in 1..grid.bins {
+            left.merge(&bins[d][b - 1]);
+            if left.count == 0 || right_cost[b] == f64::INFINITY {
+                continue;
+            }
+            let cost = left.cost(context) + right_cost[b];
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, d, b));
+            }
+        }
+    }
+    let Some((_, d, first_right)) = best else {
+        return halve(items);
+    };
+    let left = partition(items, |i| grid.bin(d, six(i.position, i.axis)[d]) < first_right);
+    if left == 0 || left == n { halve(items) } else { left }
+}
+
+/// Moves the items that are `left` to the front and returns their number.
+fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+    let mut front = 0;
+    for i in 0..items.len() {
+        if left(&items[i]) {
+            items.swap(front, i);
+            front += 1;
+        }
+    }
+    front
+}
+
+/// Halves by count along the longest axis; ties, and lights that coincide, by id.
+fn halve(items: &mut [Item]) -> usize {
+    let (lo, hi) = position_bounds(items);
+    let axis = if lo.x <= hi.x { (hi - lo).max_position() } else { 0 };
+    let middle = items.len() / 2;
+    items.select_nth_unstable_by(middle, |a, b| {
+        let by_place = a.position[axis].partial_cmp(&b.position[axis]).unwrap_or(Ordering::Equal);
+        by_place.then(a.id.cmp(&b.id))
+    });
+    middle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lights::VirtualLight;
+    use arbtest::arbitrary::{Result, Unstructured};
+
+    fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
+        Ok(match u.int_in_range(0..=3)? {
+            0 => 0.0,
+            1 => 1.0,
+            2 => f32::from(u.arbitrary::<i8>()?) * 1e-6,
+            _ => f32::from(u.arbitrary::<i16>()?),
+        })
+    }
+
+    pub(super) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
+        let mut set = LightSet::default();
+        for _ in 0..u.int_in_range(0..=12)? {
+            let i = if u.ratio(1, 8)? { 1e-30 } else { f32::from(u.arbitrary::<u8>()?) };
+            let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
+            if u.ratio(1, 4)? {
+                set.push_directional(p.try_normalize().unwrap_or(Vec3::X), Vec3::splat(i));
+            } else {
+                set.push_point(p, Vec3::splat(i));
+            }
+        }
+        for _ in 0..u.int_in_range(0..=24)? {
+            let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
+            let n = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?).try_normalize().unwrap_or(Vec3::Y);
+            set.push_virtual(&VirtualLight {
+                position: p,
+                normal: n,
+                incoming: n,
+                flux: Vec3::splat(f32::from(u.arbitrary::<u8>()?)),
+                reflectance: Vec3::splat(0.5),
+                material: 0,
+            });
+        }
+        Ok(set)
+    }
+
+    #[test]
+    fn every_tree_is_valid() {
+        arbtest::arbtest(|u| {
+            let set = any_lights(u)?;
+            match LightTree::build(&set) {
+                None => assert!(set.is_empty(), "a tree for {} lights", set.len()),
+                Some(tree) => tree.validate(&set).unwrap_or_else(|e| panic!("{e}")),
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn coincident_lights_make_a_shallow_tree() {
+        let mut set = LightSet::default();
+        for _ in 0..100_000 {
+            set.push_point(Vec3::ONE, Vec3::ONE);
+        }
+        let tree = LightTree::build(&set).expect("has lights");
+        tree.validate(&set).unwrap_or_else(|e| panic!("{e}"));
+        assert!(tree.depth() <= 17, "depth {}", tree.depth());
+    }
+
+    #[test]
+    fn a_geometric_chain_of_lights_keeps_its_depth_bounded() {
+        let mut set = LightSet::default();
+        for i in 0..120 {
+            set.push_point(Vec3::X * 0.5f32.powi(i), Vec3::ONE);
+        }
+        let tree = LightTree::build(&set).expect("has lights");
+        tree.validate(&set).unwrap_or_else(|e| panic!("{e}"));
+        assert!(tree.depth() <= 3 * 7, "depth {}", tree.depth());
+    }
+
+    #[test]
+    fn the_tree_is_the_same_for_one_thread_and_four() {
+        let mut set = LightSet::default();
+        let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
+        for _ in 0..30_000 {
+            set.push_point(Vec3::new(rng.f32(), rng.f32(), rng.f32()), Vec3::splat(rng.f32()));
+        }
+        let build_with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("thread pool");
+            let tree = pool.install(|| LightTree::build(&set)).expect("has lights");
+            format!("{:?}", tree.pairs)
+        };
+        assert_eq!(build_with(1), build_with(4), "trees differ");
+    }
+}

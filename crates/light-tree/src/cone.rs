@@ -1,0 +1,112 @@
+//! Cones of directions.
+
+use glam::Vec3;
+
+/// All directions within a half angle of an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cone {
+    /// Unit axis; any unit vector when the cone holds every direction.
+    pub axis: Vec3,
+    /// Cosine of the half angle: 1 for one direction, −1 for every direction.
+    pub cos: f32,
+}
+
+/// Added to every merged half angle, in radians, so that rounding never excludes a direction.
+const SLACK: f32 = 2e-6;
+
+impl Cone {
+    /// Every direction.
+    pub const SPHERE: Self = Self { axis: Vec3::Z, cos: -1.0 };
+
+    /// Just `axis`, a unit vector; every direction when it has no length (omni lights).
+    pub fn of(axis: Vec3) -> Self {
+        if axis.length_squared() > 0.25 { Self { axis, cos: 1.0 } } else { Self::SPHERE }
+    }
+
+    /// A cone that holds both, the smallest one up to rounding.
+    ///
+    /// Equal, opposite and nearly equal axes are all sound; opposite ones give every direction.
+    pub fn union(self, other: Self) -> Self {
+        let (wide, narrow) = if self.cos <= other.cos { (self, other) } else { (other, self) };
+        let theta_wide = half_angle(wide.cos);
+        let theta_narrow = half_angle(narrow.cos);
+        let between = angle_between(wide.axis, narrow.axis);
+        if between + theta_narrow <= theta_wide {
+            return wide;
+        }
+        let theta = 0.5 * (theta_wide + between + theta_narrow) + SLACK;
+        if theta >= std::f32::consts::PI {
+            return Self::SPHERE;
+        }
+        // Turn the wide axis toward the narrow one. The part of `narrow` across `wide` has length
+        // sin(between): for equal axes nothing is turned, for opposite ones the direction is lost.
+        let across = narrow.axis - wide.axis * wide.axis.dot(narrow.axis);
+        let turn = theta - SLACK - theta_wide;
+        let axis = match across.try_normalize() {
+            Some(side) => (wide.axis * turn.cos() + side * turn.sin()).normalize(),
+            None if between < 1.0 => wide.axis,
+            None => return Self::SPHERE,
+        };
+        Self { axis, cos: theta.cos() }
+    }
+
+    /// Whether unit `direction` lies inside.
+    pub fn contains(&self, direction: Vec3) -> bool {
+        angle_between(self.axis, direction) <= half_angle(self.cos) + SLACK
+    }
+}
+
+/// Half angle of a cone, exact enough near 0 and π where acos of an f32 is not.
+fn half_angle(cos: f32) -> f32 {
+    if cos >= 1.0 { 0.0 } else { cos.max(-1.0).acos() }
+}
+
+/// Angle between unit vectors, accurate for tiny and for nearly straight angles (Kahan).
+fn angle_between(a: Vec3, b: Vec3) -> f32 {
+    2.0 * (a - b).length().atan2((a + b).length())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(u: &mut arbtest::arbitrary::Unstructured<'_>) -> arbtest::arbitrary::Result<Vec3> {
+        let mut c = || -> arbtest::arbitrary::Result<f32> {
+            Ok(match u.int_in_range(0..=4)? {
+                0 => 0.0,
+                1 => 1.0,
+                2 => -1.0,
+                3 => 1e-7 * f32::from(u.arbitrary::<i8>()?),
+                _ => f32::from(u.arbitrary::<i16>()?) / 32768.0,
+            })
+        };
+        Ok(Vec3::new(c()?, c()?, c()?).try_normalize().unwrap_or(Vec3::X))
+    }
+
+    #[test]
+    fn a_union_holds_both_cones() {
+        arbtest::arbtest(|u| {
+            let mut cone = Cone::of(unit(u)?);
+            let mut members = vec![cone.axis];
+            for _ in 0..u.int_in_range(1..=6)? {
+                let axis = if u.ratio(1, 4)? { -members[0] } else { unit(u)? };
+                members.push(axis);
+                cone = if u.arbitrary()? { cone.union(Cone::of(axis)) } else { Cone::of(axis).union(cone) };
+                assert!(cone.axis.is_normalized() && cone.cos.is_finite(), "{cone:?}");
+                for m in &members {
+                    assert!(cone.contains(*m), "{cone:?} lacks {m}");
+                }
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn equal_axes_stay_narrow_and_opposite_ones_open_up() {
+        let narrow = Cone::of(Vec3::X).union(Cone::of(Vec3::X));
+        assert!(narrow.cos > 0.999_999, "{narrow:?}");
+        let open = Cone::of(Vec3::X).union(Cone::of(Vec3::NEG_X));
+        assert!(open.contains(Vec3::Y) && open.contains(Vec3::NEG_Z), "{open:?}");
+        assert_eq!(Cone::of(Vec3::ZERO), Cone::SPHERE, "no axis, every direction");
+    }
+}

@@ -1,0 +1,226 @@
+//! The tree itself: pairs of siblings in one array.
+
+use glam::{Vec3, Vec3A};
+
+use crate::build;
+use crate::cone::Cone;
+use crate::lights::{LightId, LightKind, LightSet, luminance};
+
+/// Index of a node in a [`LightTree`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId(pub u32);
+
+/// A cluster of lights: the box around them and their total intensity.
+///
+/// 32 bytes; siblings lie side by side, so one cache line holds all that choosing between them reads.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub struct Node {
+    /// Least corner of the tightest box around the positional lights; +∞ when there are none.
+    pub lo: Vec3,
+    /// ‖I‖: sum of the scalar intensities of the lights with inverse-square falloff.
+    pub intensity: f32,
+    /// Greatest corner; −∞ when there are no positional lights.
+    pub hi: Vec3,
+    link: u32,
+}
+
+/// Set in `Node::link` of a leaf, whose other bits are the light's id.
+const LEAF: u32 = 1 << 31;
+
+/// More lights than this do not fit the links.
+pub(crate) const MAX_LIGHTS: usize = (LEAF as usize) / 2 - 1;
+
+impl Node {
+    pub(crate) const UNUSED: Self =
+        Self { lo: Vec3::INFINITY, intensity: 0.0, hi: Vec3::NEG_INFINITY, link: 0 };
+
+    pub(crate) fn leaf(lo: Vec3, hi: Vec3, intensity: f32, light: LightId) -> Self {
+        Self { lo, intensity, hi, link: LEAF | light.0 }
+    }
+
+    pub(crate) fn inner(lo: Vec3, hi: Vec3, intensity: f32, first_child: u32) -> Self {
+        Self { lo, intensity, hi, link: first_child }
+    }
+
+    /// The light of a leaf; `None` for an inner node.
+    #[inline]
+    pub fn light(&self) -> Option<LightId> {
+        (self.link & LEAF != 0).then_some(LightId(self.link & !LEAF))
+    }
+
+    /// The first of the two children, which are neighbours; `None` for a leaf.
+    #[inline]
+    pub fn first_child(&self) -> Option<NodeId> {
+        (self.link & LEAF == 0).then_some(NodeId(self.link))
+    }
+
+    /// Centre and half extent of the box.
+    #[inline]
+    pub(crate) fn centre_and_half(&self) -> (Vec3A, Vec3A) {
+        let (lo, hi) = (Vec3A::from(self.lo), Vec3A::from(self.hi));
+        ((lo + hi) * 0.5, (hi - lo) * 0.5)
+    }
+
+    /// Squared length of the box's diagonal.
+    #[inline]
+    pub fn diagonal2(&self) -> f32 {
+        (Vec3A::from(self.hi) - Vec3A::from(self.lo)).length_squared()
+    }
+
+    /// Whether any light below has a position.
+    #[inline]
+    pub(crate) fn has_positions(&self) -> bool {
+        self.lo.x <= self.hi.x
+    }
+}
+
+/// Siblings share a cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Pair(pub(crate) [Node; 2]);
+
+/// A binary hierarchy with one light a leaf, over all lights of a [`LightSet`].
+#[derive(Debug, Clone)]
+pub struct LightTree {
+    /// `pairs[0]` holds the root and an unused slot; children of one parent form one pair.
+    pub(crate) pairs: Vec<Pair>,
+    /// One per node: emission axes, or travel directions, of the lights below. Empty when all lights are omni.
+    pub(crate) cones: Vec<Cone>,
+    /// ‖Iᴰ‖ per node: sum over the lights without falloff. Empty when there is none.
+    pub(crate) directional: Vec<f32>,
+    pub(crate) lights: usize,
+    pub(crate) depth: u32,
+    /// Squared diagonal of the box around all positional lights.
+    pub(crate) diagonal2: f32,
+    /// No squared distance below this tells lights apart: 1.5 r² for virtual lights of radius r.
+    pub(crate) least_dist2: f32,
+}
+
+impl LightTree {
+    /// Builds the tree; the same for any number of threads. `None` when there is no light.
+    ///
+    /// # Panics
+    /// When there are more than about a billion lights.
+    pub fn build(lights: &LightSet) -> Option<Self> {
+        build::build(lights)
+    }
+
+    /// The root.
+    pub fn root(&self) -> NodeId {
+        NodeId(0)
+    }
+
+    /// The node at `id`.
+    #[inline]
+    pub fn node(&self, id: NodeId) -> &Node {
+        &self.pairs[(id.0 >> 1) as usize].0[(id.0 & 1) as usize]
+    }
+
+    /// Both children of a node whose first child is `first`.
+    #[inline]
+    pub(crate) fn pair(&self, first: NodeId) -> &[Node; 2] {
+        &self.pairs[(first.0 >> 1) as usize].0
+    }
+
+    /// Emission axes (or travel directions) of the lights below; every direction for omni lights.
+    #[inline]
+    pub fn cone(&self, id: NodeId) -> Cone {
+        self.cones.get(id.0 as usize).copied().unwrap_or(Cone::SPHERE)
+    }
+
+    /// ‖Iᴰ‖: sum of the scalar irradiances of the lights below that do not fall off.
+    #[inline]
+    pub fn directional_intensity(&self, id: NodeId) -> f32 {
+        self.directional.get(id.0 as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Number of nodes, leaves included: 2 n − 1.
+    pub fn node_count(&self) -> usize {
+        2 * self.lights - 1
+    }
+
+    /// Number of lights.
+    pub fn light_count(&self) -> usize {
+        self.lights
+    }
+
+    /// Edges from the root to the deepest leaf.
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// Heap memory in bytes.
+    pub fn bytes(&self) -> usize {
+        self.pairs.len() * size_of::<Pair>()
+            + self.cones.len() * size_of::<Cone>()
+            + self.directional.len() * size_of::<f32>()
+    }
+
+    /// Checks every invariant against the lights the tree was built over; for tests and `check`.
+    ///
+    /// Each light is in exactly one leaf, boxes and cones hold what is below them, boxes are tight,
+    /// intensities are the sums of their children's within rounding.
+    pub fn validate(&self, lights: &LightSet) -> Result<(), String> {
+        let mut seen = vec![false; lights.len()];
+        self.validate_below(self.root(), lights, &mut seen)?;
+        match seen.iter().position(|s| !s) {
+            Some(i) => Err(format!("light {i} is in no leaf")),
+            None => Ok(()),
+        }
+    }
+
+    fn validate_below(&self, root: NodeId, lights: &LightSet, seen: &mut [bool]) -> Result<(), String> {
+        // An explicit stack: a tree may be deeper than the thread's.
+        let mut stack = vec![root];
+        while let Some(id) = stack.pop() {
+            let node = self.node(id);
+            if let Some(light) = node.light() {
+                let i = light.index();
+                if i >= seen.len() || std::mem::replace(&mut seen[i], true) {
+                    return Err(format!("leaf {} holds light {i} out of range or for the second time", id.0));
+                }
+                self.validate_leaf(id, light, lights)?;
+                continue;
+            }
+            let Some(first) = node.first_child() else { continue };
+            let children = self.pair(first);
+            let (lo, hi) = (children[0].lo.min(children[1].lo), children[0].hi.max(children[1].hi));
+            if (lo, hi) != (node.lo, node.hi) {
+                return Err(format!("box of node {} is not the union of its children's", id.0));
+            }
+            let sum = f64::from(children[0].intensity) + f64::from(children[1].intensity);
+            if (f64::from(node.intensity) - sum).abs() > 1e-6 * sum {
+                return Err(format!("node {} has intensity {} but its children {sum}", id.0, node.intensity));
+            }
+            for child in [first, NodeId(first.0 + 1)] {
+                let (outer, inner) = (self.cone(id), self.cone(child));
+                if !outer.contains(inner.axis) && inner != Cone::SPHERE {
+                    return Err(format!("cone of node {} lacks the axis of child {}", id.0, child.0));
+                }
+                stack.push(child);
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_leaf(&self, id: NodeId, light: LightId, lights: &LightSet) -> Result<(), String> {
+        let node = self.node(id);
+        let scalar = luminance(lights.intensity(light));
+        let (positional, directional) = match lights.kind(light) {
+            LightKind::Directional => (0.0, scalar),
+            LightKind::Omni | LightKind::Virtual => (scalar, 0.0),
+        };
+        let p = lights.position(light);
+        let at_light = node.lo == p && node.hi == p;
+        if (at_light || lights.kind(light) == LightKind::Directional)
+            && node.intensity == positional
+            && self.directional_intensity(id) == directional
+            && self.cone(id) == Cone::of(lights.axis(light))
+        {
+            Ok(())
+        } else {
+            Err(format!("leaf {} does not describe its light {}", id.0, light.0))
+        }
+    }
+}
