@@ -3,19 +3,25 @@
 //! [`load`](load::load) turns `scene.ron` and the files it names into a [`Scene`], and checks every
 //! number on the way; what holds a `Scene` need not check again.
 
+mod brdf;
 mod camera;
 mod emitter;
 mod error;
 pub mod load;
 mod material;
 mod mesh;
+mod surface;
 mod texture;
+pub mod trace;
+mod view;
 
+pub use brdf::{Brdf, BrdfSample};
 pub use camera::CameraSpec;
 pub use emitter::Emitter;
 pub use error::SceneError;
 pub use material::{Material, MaterialId};
 pub use mesh::{ABSENT, Mesh};
+pub use surface::Surface;
 pub use texture::{Texture, TextureId};
 
 /// Everything a render reads: geometry, materials, lights, camera. World space, scene units, linear RGB.

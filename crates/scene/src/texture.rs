@@ -1,5 +1,9 @@
 //! Images on surfaces.
 
+use std::sync::LazyLock;
+
+use glam::{Vec2, Vec3};
+
 /// Index into [`Scene::textures`](crate::Scene::textures).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TextureId(pub u32);
@@ -17,4 +21,138 @@ pub struct Texture {
     pub texels: Vec<[u8; 4]>,
     /// Whether the file has an alpha channel; where it has none, opacity is the red channel.
     pub has_alpha: bool,
+}
+
+/// Linear value of every sRGB byte (IEC 61966-2-1).
+static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|i| {
+        let c = i as f64 / 255.0;
+        (if c <= 0.040_45 {
+            c / 12.92
+        } else {
+            ((c + 0.055) / 1.055).powf(2.4)
+        }) as f32
+    })
+});
+
+impl Texture {
+    /// Linear RGB at `uv`, bilinear between texel centres.
+    pub fn colour(&self, uv: Vec2) -> Vec3 {
+        let table = &*SRGB_TO_LINEAR;
+        self.bilinear(uv, |[r, g, b, _]| {
+            Vec3::new(
+                table[usize::from(r)],
+                table[usize::from(g)],
+                table[usize::from(b)],
+            )
+        })
+    }
+
+    /// Opacity at `uv` in [0, 1], bilinear: alpha, or red where the file has no alpha.
+    pub fn opacity(&self, uv: Vec2) -> f32 {
+        self.bilinear(uv, |[r, _, _, a]| {
+            f32::from(if self.has_alpha { a } else { r }) / 255.0
+        })
+    }
+
+    /// Weighted sum of the four texels around `uv`; v = 0 is the bottom row, both coordinates repeat.
+    fn bilinear<T>(&self, uv: Vec2, value: impl Fn([u8; 4]) -> T) -> T
+    where
+        T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+    {
+        let (x0, x1, fx) = neighbours(uv.x, self.width);
+        let (y0, y1, fy) = neighbours(1.0 - uv.y, self.height);
+        let at = |x: u32, y: u32| value(self.texels[y as usize * self.width as usize + x as usize]);
+        let top = at(x0, y0) * (1.0 - fx) + at(x1, y0) * fx;
+        let bottom = at(x0, y1) * (1.0 - fx) + at(x1, y1) * fx;
+        top * (1.0 - fy) + bottom * fy
+    }
+}
+
+/// The texels on both sides of repeating coordinate `s` and the weight of the second.
+fn neighbours(s: f32, size: u32) -> (u32, u32, f32) {
+    // Coordinates can be huge: the fraction is taken first, in f64; not-a-number counts as 0.
+    let fraction = f64::from(s).rem_euclid(1.0);
+    let x = if fraction.is_finite() {
+        fraction * f64::from(size) - 0.5
+    } else {
+        0.0
+    };
+    let floor = x.floor();
+    let first = floor.rem_euclid(f64::from(size)) as u32 % size;
+    (first, (first + 1) % size, (x - floor) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checker() -> Texture {
+        // Top row red, green; bottom row blue, half transparent white.
+        let texels = vec![
+            [255, 0, 0, 255],
+            [0, 255, 0, 255],
+            [0, 0, 255, 255],
+            [255, 255, 255, 128],
+        ];
+        Texture {
+            path: "checker".into(),
+            width: 2,
+            height: 2,
+            texels,
+            has_alpha: true,
+        }
+    }
+
+    #[test]
+    fn v_zero_is_the_bottom_row_and_coordinates_repeat() {
+        let t = checker();
+        for shift in [0.0, 1.0, -3.0] {
+            let at = |u: f32, v: f32| t.colour(Vec2::new(u + shift, v + shift));
+            assert!(
+                at(0.25, 0.75).distance(Vec3::X) < 1e-5,
+                "top left at shift {shift}"
+            );
+            assert!(
+                at(0.25, 0.25).distance(Vec3::Z) < 1e-5,
+                "bottom left at shift {shift}"
+            );
+        }
+        assert!(
+            (t.opacity(Vec2::new(0.75, 0.25)) - 128.0 / 255.0).abs() < 1e-5,
+            "alpha of bottom right"
+        );
+    }
+
+    #[test]
+    fn wild_coordinates_stay_inside() {
+        let t = checker();
+        for s in [
+            f32::NAN,
+            f32::INFINITY,
+            -1e30,
+            1e9,
+            0.999_999_94,
+            -0.0,
+            f32::MIN_POSITIVE,
+        ] {
+            assert!(t.colour(Vec2::splat(s)).is_finite(), "{s}");
+        }
+    }
+
+    #[test]
+    fn middle_grey_is_decoded_from_srgb() {
+        let t = Texture {
+            path: String::new(),
+            width: 1,
+            height: 1,
+            texels: vec![[188; 4]],
+            has_alpha: false,
+        };
+        assert!(
+            (t.colour(Vec2::ZERO).x - 0.5029).abs() < 1e-3,
+            "{}",
+            t.colour(Vec2::ZERO).x
+        );
+    }
 }

@@ -1,0 +1,328 @@
+//! Rays against brute force, along edges, and in awkward geometry.
+
+use glam::DVec3;
+use sampling::{Purpose, Rng, uniform_sphere};
+
+use super::*;
+use crate::{MaterialId, Mesh};
+
+fn scene_of(positions: Vec<Vec3>, indices: Vec<[u32; 3]>) -> Scene {
+    let materials = vec![MaterialId(0); indices.len()];
+    Scene {
+        mesh: Mesh {
+            positions,
+            indices,
+            materials,
+            ..Mesh::default()
+        },
+        materials: vec![crate::Material::default()],
+        ..Scene::default()
+    }
+}
+
+/// A closed sphere of `2 n²` triangles with a bumpy surface, times `scale`, moved by `shift`.
+fn bumpy_sphere(n: u32, scale: f32, shift: Vec3) -> Scene {
+    let mut rng = Rng::new(5, 0, 0, Purpose::Build);
+    let mut positions = vec![Vec3::Y, Vec3::NEG_Y];
+    for i in 1..n {
+        for j in 0..n {
+            let (theta, phi) = (
+                i as f32 / n as f32 * std::f32::consts::PI,
+                j as f32 / n as f32 * std::f32::consts::TAU,
+            );
+            let r = 1.0 + 0.1 * rng.f32();
+            positions.push(
+                Vec3::new(
+                    theta.sin() * phi.cos(),
+                    theta.cos(),
+                    theta.sin() * phi.sin(),
+                ) * r,
+            );
+        }
+    }
+    let at = |i: u32, j: u32| match i {
+        0 => 0,
+        i if i == n => 1,
+        i => 2 + (i - 1) * n + j % n,
+    };
+    let mut indices = Vec::new();
+    for i in 0..n {
+        for j in 0..n {
+            let quad = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            for tri in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+                if tri[0] != tri[1] && tri[1] != tri[2] && tri[0] != tri[2] {
+                    indices.push(tri);
+                }
+            }
+        }
+    }
+    scene_of(
+        positions.into_iter().map(|p| p * scale + shift).collect(),
+        indices,
+    )
+}
+
+/// Random triangles of all sizes.
+fn soup(n: usize) -> Scene {
+    let mut rng = Rng::new(6, 0, 0, Purpose::Build);
+    let mut positions = Vec::new();
+    for _ in 0..n {
+        let centre = Vec3::new(rng.f32(), rng.f32(), rng.f32()) * 10.0;
+        let size = 2.0f32.powf(-8.0 * rng.f32());
+        for _ in 0..3 {
+            positions.push(centre + uniform_sphere([rng.f32(), rng.f32()]) * size);
+        }
+    }
+    let indices = (0..n as u32)
+        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+        .collect();
+    scene_of(positions, indices)
+}
+
+/// Möller–Trumbore in f64: distance, and how far inside the triangle's edges.
+fn exact(corners: [Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let (o, d): (DVec3, DVec3) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (e1, e2) = (b - a, c - a);
+    let h = d.cross(e2);
+    let det = e1.dot(h);
+    if det == 0.0 {
+        return None;
+    }
+    let s = o - a;
+    let u = s.dot(h) / det;
+    let q = s.cross(e1);
+    let v = d.dot(q) / det;
+    Some((e2.dot(q) / det, u.min(v).min(1.0 - u - v)))
+}
+
+fn rays_through(scene: &Scene, n: usize) -> Vec<Ray> {
+    let mut rng = Rng::new(8, 0, 0, Purpose::Build);
+    (0..n)
+        .map(|i| {
+            let origin = Vec3::new(rng.f32(), rng.f32(), rng.f32()) * 10.0;
+            let direction = match i % 4 {
+                0 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i % 3],
+                1 => {
+                    let t = (rng.f32() * scene.mesh.len() as f32) as usize;
+                    scene.mesh.corners(t)[0] - origin
+                }
+                _ => uniform_sphere([rng.f32(), rng.f32()]),
+            };
+            Ray {
+                origin,
+                direction,
+                t_max: if i % 2 == 0 { f32::INFINITY } else { 1.0 },
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn no_hit_of_brute_force_is_missed() {
+    let scene = soup(2000);
+    let tracer = Tracer::build(&scene);
+    let rays = rays_through(&scene, 2000);
+    let mut answers = vec![false; rays.len()];
+    tracer.occluded(&rays, &mut answers, &mut OcclusionScratch::default());
+    for (ray, occluded) in rays.iter().zip(&answers) {
+        let t_max = f64::from(ray.t_max);
+        // Clear of edges and ends by more than rounding.
+        let nearest = (0..scene.mesh.len())
+            .filter_map(|t| exact(scene.mesh.corners(t), ray))
+            .filter(|&(t, inside)| inside > 1e-4 && t > 1e-4 && t < t_max * (1.0 - 1e-4))
+            .map(|(t, _)| t)
+            .fold(f64::INFINITY, f64::min);
+        let hit = tracer.closest(ray);
+        assert_eq!(
+            hit.is_some(),
+            *occluded,
+            "closest and any hit disagree on {ray:?}"
+        );
+        if nearest.is_finite() {
+            let t = f64::from(
+                hit.unwrap_or_else(|| panic!("{ray:?} misses the hit at {nearest}"))
+                    .t,
+            );
+            assert!(
+                t <= nearest * (1.0 + 1e-4),
+                "{ray:?}: {t}, brute force {nearest}"
+            );
+        }
+        if let Some(hit) = hit {
+            let (t, inside) =
+                exact(scene.mesh.corners(hit.triangle as usize), ray).expect("not parallel");
+            assert!(
+                inside > -1e-3 && (t - f64::from(hit.t)).abs() < 1e-3 * (1.0 + t),
+                "{ray:?}: false hit {hit:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_leaks_out_of_a_closed_surface_at_any_scale() {
+    for (scale, shift) in [
+        (1.0, Vec3::ZERO),
+        (1e-3, Vec3::ZERO),
+        (1e3, Vec3::ZERO),
+        (1.0, Vec3::splat(1000.0)),
+    ] {
+        let scene = bumpy_sphere(60, scale, shift);
+        let tracer = Tracer::build(&scene);
+        let mut rng = Rng::new(9, 0, 0, Purpose::Build);
+        let mut rays = Vec::new();
+        for tri in &scene.mesh.indices {
+            let origin = shift + uniform_sphere([rng.f32(), rng.f32()]) * (0.5 * scale);
+            let [a, b, _] = tri.map(|i| scene.mesh.positions[i as usize]);
+            for target in [a, a.lerp(b, rng.f32())] {
+                rays.push(Ray {
+                    origin,
+                    direction: target - origin,
+                    t_max: f32::INFINITY,
+                });
+            }
+        }
+        let mut answers = vec![false; rays.len()];
+        tracer.occluded(&rays, &mut answers, &mut OcclusionScratch::default());
+        let leaks = answers.iter().filter(|a| !**a).count();
+        assert_eq!(
+            leaks,
+            0,
+            "of {} rays at vertices and edges, scale {scale}, shift {shift}",
+            rays.len()
+        );
+    }
+}
+
+#[test]
+fn a_ray_that_leaves_a_surface_does_not_meet_it_again() {
+    for (scale, shift) in [
+        (1.0, Vec3::ZERO),
+        (1e-3, Vec3::ZERO),
+        (1e3, Vec3::ZERO),
+        (1.0, Vec3::new(1e4, 0.0, -3e3)),
+    ] {
+        let scene = scene_of(
+            [
+                Vec3::new(-1.0, -0.3, -1.0),
+                Vec3::new(1.0, 0.1, -1.0),
+                Vec3::new(-0.3, 0.7, 1.3),
+            ]
+            .map(|p| p * scale + shift)
+            .to_vec(),
+            vec![[0, 1, 2]],
+        );
+        let tracer = Tracer::build(&scene);
+        let mut rng = Rng::new(10, 0, 0, Purpose::Build);
+        for _ in 0..20_000 {
+            let (u, v) = (rng.f32(), rng.f32());
+            let hit = Hit {
+                t: 1.0,
+                triangle: 0,
+                u: u * (1.0 - v),
+                v,
+            };
+            let surface = scene.surface(&hit, uniform_sphere([rng.f32(), rng.f32()]));
+            let wi = uniform_sphere([rng.f32(), rng.f32()]);
+            if wi.dot(surface.ng) > 0.0 {
+                let ray = Ray {
+                    origin: surface.ray_origin(),
+                    direction: wi,
+                    t_max: f32::INFINITY,
+                };
+                assert!(
+                    !tracer.is_occluded(&ray),
+                    "scale {scale} shift {shift}: {hit:?} along {wi}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_stops_no_ray() {
+    let tracer = Tracer::build(&Scene::default());
+    let ray = Ray {
+        origin: Vec3::ZERO,
+        direction: Vec3::X,
+        t_max: f32::INFINITY,
+    };
+    assert!(
+        tracer.closest(&ray).is_none() && !tracer.is_occluded(&ray),
+        "nothing is there"
+    );
+}
+
+#[test]
+fn a_mapped_hole_lets_rays_through_and_its_surround_does_not() {
+    let mut scene = scene_of(
+        vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0)],
+        vec![[0, 1, 2], [1, 3, 2]],
+    );
+    scene.mesh.uvs = vec![
+        glam::Vec2::ZERO,
+        glam::Vec2::X,
+        glam::Vec2::Y,
+        glam::Vec2::ONE,
+    ];
+    scene.mesh.uv_indices = scene.mesh.indices.clone();
+    let texels = (0..64)
+        .map(|i| [255, 255, 255, if (i % 8) < 4 { 0 } else { 255 }])
+        .collect();
+    scene.textures.push(crate::Texture {
+        path: "mask".into(),
+        width: 8,
+        height: 8,
+        texels,
+        has_alpha: true,
+    });
+    scene.materials[0].opacity_map = Some(crate::TextureId(0));
+    let tracer = Tracer::build(&scene);
+    let ray = |x: f32| Ray {
+        origin: Vec3::new(x, 0.4, 1.0),
+        direction: Vec3::NEG_Z,
+        t_max: f32::INFINITY,
+    };
+    assert!(
+        !tracer.is_occluded(&ray(0.25)) && tracer.closest(&ray(0.25)).is_none(),
+        "the hole"
+    );
+    assert!(
+        tracer.is_occluded(&ray(0.75)) && tracer.closest(&ray(0.75)).is_some(),
+        "the surround"
+    );
+
+    scene.materials[0] = crate::Material {
+        opacity: 0.1,
+        ..crate::Material::default()
+    };
+    let tracer = Tracer::build(&scene);
+    assert_eq!(
+        tracer.triangle_count(),
+        0,
+        "transparent triangles are not traced"
+    );
+}
+
+#[test]
+fn thousands_of_nearly_coincident_triangles_are_traced() {
+    let mut positions = Vec::new();
+    let mut indices = Vec::new();
+    for i in 0..3000u32 {
+        let s = 1.0 + i as f32 * 1e-6;
+        positions.extend([
+            Vec3::new(-s, -s, 0.0),
+            Vec3::new(s, -s, 0.0),
+            Vec3::new(0.0, s, 0.0),
+        ]);
+        indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    let tracer = Tracer::build(&scene_of(positions, indices));
+    let ray = Ray {
+        origin: Vec3::Z,
+        direction: Vec3::NEG_Z,
+        t_max: f32::INFINITY,
+    };
+    assert!(tracer.is_occluded(&ray), "the pile stops a ray");
+}
