@@ -1,1 +1,21 @@
-//! Film, EXR and PNG output, and image error figures
+//! What a render leaves behind: pixel statistics, EXR and PNG files, and error figures.
+//!
+//! - [`PixelStats`] takes a pixel's samples one by one and knows their mean and its variance.
+//! - [`Picture`] is a finished render with its layers; it is written as one EXR and one PNG, and
+//!   shards of a render are joined with [`Picture::merge`].
+//! - [`Image`] is only colours: what [`read_image`] takes from anybody's EXR for a comparison.
+//! - [`write_atomically`] is the one door through which files leave: whole or not at all.
+
+mod atomic;
+mod error;
+mod exr;
+mod film;
+mod picture;
+mod png;
+
+pub use crate::exr::{Image, read_image};
+pub use atomic::write_atomically;
+pub use error::FilmError;
+pub use film::PixelStats;
+pub use picture::Picture;
+pub use png::{Exposure, auto_exposure, tone_map, write_rgb8};
