@@ -1,2 +1,36 @@
-//! The manylight command line
-fn main() {}
+//! The `manylight` command: reads the command line, runs one subcommand, maps failures to exit codes.
+
+mod args;
+mod check;
+mod compare;
+mod error;
+mod job;
+mod machine;
+mod merge;
+mod progress;
+mod render;
+mod report;
+mod write_scene;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Arguments, Command};
+
+fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
+        Command::Scene(arguments) => write_scene::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

@@ -38,8 +38,14 @@ impl Receiver {
         debug_assert!(normal.is_normalized(), "receiver normal {normal}");
         let (t, b) = normal.any_orthonormal_pair();
         let frame = Mat3A::from_cols(t.into(), b.into(), normal.into()).transpose();
-        let frame_abs = Mat3A::from_cols(frame.x_axis.abs(), frame.y_axis.abs(), frame.z_axis.abs());
-        Self { position: position.into(), frame, frame_abs, normal: normal.into() }
+        let frame_abs =
+            Mat3A::from_cols(frame.x_axis.abs(), frame.y_axis.abs(), frame.z_axis.abs());
+        Self {
+            position: position.into(),
+            frame,
+            frame_abs,
+            normal: normal.into(),
+        }
     }
 
     /// Upper bound of cos⁺ of the angle between the normal and the direction to any point of the box;
@@ -118,7 +124,11 @@ impl Receiver {
     fn lowest_cos(&self, axis: Vec3A, centre: Vec3A, half: Vec3A) -> f32 {
         let top = axis.dot(centre) + axis.abs().dot(half + SLACK * centre.abs());
         let length2 = (centre.abs() + half).length_squared();
-        if length2 > 0.0 { (top / length2.sqrt()).clamp(-1.0, 1.0) } else { 1.0 }
+        if length2 > 0.0 {
+            (top / length2.sqrt()).clamp(-1.0, 1.0)
+        } else {
+            1.0
+        }
     }
 }
 
@@ -163,12 +173,20 @@ mod tests {
             let t = f32::from(u.int_in_range(0..=4u8)?) / 4.0;
             Ok((lo + (hi - lo) * t).clamp(lo, hi))
         };
-        Ok(Vec3::new(at(node.lo.x, node.hi.x)?, at(node.lo.y, node.hi.y)?, at(node.lo.z, node.hi.z)?))
+        Ok(Vec3::new(
+            at(node.lo.x, node.hi.x)?,
+            at(node.lo.y, node.hi.y)?,
+            at(node.lo.z, node.hi.z)?,
+        ))
     }
 
     fn cos_plus(n: Vec3, d: Vec3) -> f64 {
         let (n, d) = (n.as_dvec3(), d.as_dvec3());
-        if d.length() == 0.0 { 0.0 } else { (n.dot(d) / (n.length() * d.length())).max(0.0) }
+        if d.length() == 0.0 {
+            0.0
+        } else {
+            (n.dot(d) / (n.length() * d.length())).max(0.0)
+        }
     }
 
     #[test]
@@ -182,8 +200,14 @@ mod tests {
             for _ in 0..8 {
                 let p = inside(u, &node)?;
                 let truth = cos_plus(n, p - x);
-                assert!(f64::from(bound) >= truth - 2e-6, "bound {bound} truth {truth} at {p} from {x}, n {n}");
-                assert!(bound > 0.0 || n.dot(p - x) <= 0.0, "a lit point has bound 0: {p} from {x}, n {n}");
+                assert!(
+                    f64::from(bound) >= truth - 2e-6,
+                    "bound {bound} truth {truth} at {p} from {x}, n {n}"
+                );
+                assert!(
+                    bound > 0.0 || n.dot(p - x) <= 0.0,
+                    "a lit point has bound 0: {p} from {x}, n {n}"
+                );
             }
             Ok(())
         });
@@ -194,16 +218,25 @@ mod tests {
         arbtest::arbtest(|u| {
             let node = boxed(point(u)?, point(u)?);
             let x = point(u)?;
-            let axes: Vec<Vec3> =
-                (0..3).map(|_| Ok(point(u)?.try_normalize().unwrap_or(Vec3::Y))).collect::<Result<_>>()?;
-            let cone = axes.iter().fold(Cone::of(axes[0]), |c, a| c.union(Cone::of(*a)));
+            let axes: Vec<Vec3> = (0..3)
+                .map(|_| Ok(point(u)?.try_normalize().unwrap_or(Vec3::Y)))
+                .collect::<Result<_>>()?;
+            let cone = axes
+                .iter()
+                .fold(Cone::of(axes[0]), |c, a| c.union(Cone::of(*a)));
             let bound = Receiver::new(x, Vec3::Z).emission_bound(&node, cone);
             for axis in axes {
                 let p = inside(u, &node)?;
                 let truth = cos_plus(axis, x - p);
                 // The cone's own slack of 2e-6 rad and acos near 1 leave a few 1e-4 of angle.
-                assert!(f64::from(bound) >= truth - 1e-5, "bound {bound} truth {truth}: light {p} axis {axis}, x {x}");
-                assert!(bound > 0.0 || axis.dot(x - p) <= 1e-6, "a lit receiver has bound 0");
+                assert!(
+                    f64::from(bound) >= truth - 1e-5,
+                    "bound {bound} truth {truth}: light {p} axis {axis}, x {x}"
+                );
+                assert!(
+                    bound > 0.0 || axis.dot(x - p) <= 1e-6,
+                    "a lit receiver has bound 0"
+                );
             }
             Ok(())
         });
@@ -218,8 +251,14 @@ mod tests {
             let p = inside(u, &node)?;
             let truth = p.as_dvec3().distance_squared(x.as_dvec3());
             let slack = 1e-5 * (f64::from(range.greatest2) + 1e-12);
-            assert!(f64::from(range.least2) <= truth + slack, "{range:?} above {truth}");
-            assert!(f64::from(range.greatest2) >= truth - slack, "{range:?} below {truth}");
+            assert!(
+                f64::from(range.least2) <= truth + slack,
+                "{range:?} above {truth}"
+            );
+            assert!(
+                f64::from(range.greatest2) >= truth - slack,
+                "{range:?} below {truth}"
+            );
             Ok(())
         });
     }

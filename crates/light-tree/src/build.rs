@@ -46,16 +46,32 @@ impl<'a> Out<'a> {
     fn split(self, left: usize) -> (Out<'a>, Out<'a>, Out<'a>) {
         let (own, pairs) = self.pairs.split_at_mut(1);
         let (own_cones, cones) = self.cones.split_at_mut(1.min(self.cones.len()));
-        let (own_directional, directional) = self.directional.split_at_mut(1.min(self.directional.len()));
+        let (own_directional, directional) =
+            self.directional.split_at_mut(1.min(self.directional.len()));
         let n = left - 1;
         let (pairs_l, pairs_r) = pairs.split_at_mut(n);
         let (cones_l, cones_r) = cones.split_at_mut(n.min(cones.len()));
         let (directional_l, directional_r) = directional.split_at_mut(n.min(directional.len()));
         let first = self.first;
         (
-            Out { pairs: own, cones: own_cones, directional: own_directional, first },
-            Out { pairs: pairs_l, cones: cones_l, directional: directional_l, first: first + 1 },
-            Out { pairs: pairs_r, cones: cones_r, directional: directional_r, first: first + 1 + n as u32 },
+            Out {
+                pairs: own,
+                cones: own_cones,
+                directional: own_directional,
+                first,
+            },
+            Out {
+                pairs: pairs_l,
+                cones: cones_l,
+                directional: directional_l,
+                first: first + 1,
+            },
+            Out {
+                pairs: pairs_r,
+                cones: cones_r,
+                directional: directional_r,
+                first: first + 1 + n as u32,
+            },
         )
     }
 }
@@ -71,7 +87,10 @@ struct Top {
 
 pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
     let n = lights.len();
-    assert!(n <= MAX_LIGHTS, "{n} lights; a light tree holds at most {MAX_LIGHTS}");
+    assert!(
+        n <= MAX_LIGHTS,
+        "{n} lights; a light tree holds at most {MAX_LIGHTS}"
+    );
     if n == 0 {
         return None;
     }
@@ -93,16 +112,37 @@ pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
 
     let oriented = items.iter().any(|i| i.axis != Vec3::ZERO);
     let (lo, hi) = position_bounds(&items[..positional]);
-    let diagonal2 = if positional > 0 { (hi - lo).length_squared() } else { 0.0 };
-    let context = Context { oriented, diagonal2, balance_below: 2 * usize::BITS.saturating_sub(n.leading_zeros()) };
+    let diagonal2 = if positional > 0 {
+        (hi - lo).length_squared()
+    } else {
+        0.0
+    };
+    let context = Context {
+        oriented,
+        diagonal2,
+        balance_below: 2 * usize::BITS.saturating_sub(n.leading_zeros()),
+    };
 
     let mut pairs = vec![Pair([Node::UNUSED; 2]); n];
-    let mut cones = if oriented { vec![[Cone::SPHERE; 2]; n] } else { Vec::new() };
-    let mut directional = if parallel > 0 { vec![[0.0; 2]; n] } else { Vec::new() };
+    let mut cones = if oriented {
+        vec![[Cone::SPHERE; 2]; n]
+    } else {
+        Vec::new()
+    };
+    let mut directional = if parallel > 0 {
+        vec![[0.0; 2]; n]
+    } else {
+        Vec::new()
+    };
     let (root_cone, cones_below) = cones.split_at_mut(usize::from(oriented));
     let (root_directional, directional_below) = directional.split_at_mut(usize::from(parallel > 0));
     let (root_pair, pairs_below) = pairs.split_at_mut(1);
-    let out = Out { pairs: pairs_below, cones: cones_below, directional: directional_below, first: 1 };
+    let out = Out {
+        pairs: pairs_below,
+        cones: cones_below,
+        directional: directional_below,
+        first: 1,
+    };
     let forced = (parallel > 0 && positional > 0).then_some(positional);
     let root = subtree(&context, lights, &mut items, out, 0, forced);
     root_pair[0].0[0] = root.node;
@@ -137,7 +177,11 @@ fn subtree(
         return leaf(lights, LightId(items[0].id), items[0].intensity);
     }
     let left = forced.unwrap_or_else(|| {
-        if depth >= context.balance_below { halve(items) } else { split(context, items) }
+        if depth >= context.balance_below {
+            halve(items)
+        } else {
+            split(context, items)
+        }
     });
     let (own, out_l, out_r) = out.split(left);
     let (items_l, items_r) = items.split_at_mut(left);
@@ -163,7 +207,11 @@ fn subtree(
             l.node.intensity + r.node.intensity,
             2 * own.first,
         ),
-        cone: if context.oriented { l.cone.union(r.cone) } else { Cone::SPHERE },
+        cone: if context.oriented {
+            l.cone.union(r.cone)
+        } else {
+            Cone::SPHERE
+        },
         directional: l.directional + r.directional,
         depth: 1 + l.depth.max(r.depth),
     }
@@ -174,17 +222,31 @@ fn leaf(lights: &LightSet, id: LightId, scalar: f32) -> Top {
     match lights.kind(id) {
         LightKind::Directional => {
             let nowhere = Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id);
-            Top { node: nowhere, cone, directional: scalar, depth: 0 }
+            Top {
+                node: nowhere,
+                cone,
+                directional: scalar,
+                depth: 0,
+            }
         }
         LightKind::Omni | LightKind::Virtual => {
             let p = lights.position(id);
-            Top { node: Node::leaf(p, p, scalar, id), cone, directional: 0.0, depth: 0 }
+            Top {
+                node: Node::leaf(p, p, scalar, id),
+                cone,
+                directional: 0.0,
+                depth: 0,
+            }
         }
     }
 }
 
 fn position_bounds(items: &[Item]) -> (Vec3, Vec3) {
-    items.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), i| (lo.min(i.position), hi.max(i.position)))
+    items
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), i| {
+            (lo.min(i.position), hi.max(i.position))
+        })
 }
 
 /// Most bins an axis is divided into.
@@ -236,7 +298,11 @@ impl Bin {
     /// the chord 2 sin(β/2), so 1 − cos β = diagonal²/8.
     fn cost(&self, context: &Context) -> f64 {
         let alpha2 = (self.hi - self.lo).length_squared();
-        let spread = if context.oriented { (self.axis_hi - self.axis_lo).length_squared() / 8.0 } else { 0.0 };
+        let spread = if context.oriented {
+            (self.axis_hi - self.axis_lo).length_squared() / 8.0
+        } else {
+            0.0
+        };
         self.intensity * f64::from(alpha2 + context.diagonal2 * spread * spread)
     }
 }
@@ -266,7 +332,12 @@ impl Grid {
             let scale = bins as f32 / (hi[d] - lo[d]);
             if scale.is_finite() { scale } else { 0.0 }
         });
-        Self { lo, scale, bins, dims }
+        Self {
+            lo,
+            scale,
+            bins,
+            dims,
+        }
     }
 
     #[inline]
@@ -305,7 +376,11 @@ fn split(context: &Context, items: &mut [Item]) -> usize {
         let mut right = Bin::EMPTY;
         for b in (1..grid.bins).rev() {
             right.merge(&bins[d][b]);
-            right_cost[b] = if right.count > 0 { right.cost(context) } else { f64::INFINITY };
+            right_cost[b] = if right.count > 0 {
+                right.cost(context)
+            } else {
+                f64::INFINITY
+            };
         }
         let mut left = Bin::EMPTY;
         for b in 1..grid.bins {
@@ -322,8 +397,14 @@ fn split(context: &Context, items: &mut [Item]) -> usize {
     let Some((_, d, first_right)) = best else {
         return halve(items);
     };
-    let left = partition(items, |i| grid.bin(d, six(i.position, i.axis)[d]) < first_right);
-    if left == 0 || left == n { halve(items) } else { left }
+    let left = partition(items, |i| {
+        grid.bin(d, six(i.position, i.axis)[d]) < first_right
+    });
+    if left == 0 || left == n {
+        halve(items)
+    } else {
+        left
+    }
 }
 
 /// Moves the items that are `left` to the front and returns their number.
@@ -341,10 +422,16 @@ fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
 /// Halves by count along the longest axis; ties, and lights that coincide, by id.
 fn halve(items: &mut [Item]) -> usize {
     let (lo, hi) = position_bounds(items);
-    let axis = if lo.x <= hi.x { (hi - lo).max_position() } else { 0 };
+    let axis = if lo.x <= hi.x {
+        (hi - lo).max_position()
+    } else {
+        0
+    };
     let middle = items.len() / 2;
     items.select_nth_unstable_by(middle, |a, b| {
-        let by_place = a.position[axis].partial_cmp(&b.position[axis]).unwrap_or(Ordering::Equal);
+        let by_place = a.position[axis]
+            .partial_cmp(&b.position[axis])
+            .unwrap_or(Ordering::Equal);
         by_place.then(a.id.cmp(&b.id))
     });
     middle
@@ -368,7 +455,11 @@ mod tests {
     pub(super) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
         let mut set = LightSet::default();
         for _ in 0..u.int_in_range(0..=12)? {
-            let i = if u.ratio(1, 8)? { 1e-30 } else { f32::from(u.arbitrary::<u8>()?) };
+            let i = if u.ratio(1, 8)? {
+                1e-30
+            } else {
+                f32::from(u.arbitrary::<u8>()?)
+            };
             let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
             if u.ratio(1, 4)? {
                 set.push_directional(p.try_normalize().unwrap_or(Vec3::X), Vec3::splat(i));
@@ -378,7 +469,9 @@ mod tests {
         }
         for _ in 0..u.int_in_range(0..=24)? {
             let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
-            let n = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?).try_normalize().unwrap_or(Vec3::Y);
+            let n = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?)
+                .try_normalize()
+                .unwrap_or(Vec3::Y);
             set.push_virtual(&VirtualLight {
                 position: p,
                 normal: n,
@@ -430,10 +523,16 @@ mod tests {
         let mut set = LightSet::default();
         let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
         for _ in 0..30_000 {
-            set.push_point(Vec3::new(rng.f32(), rng.f32(), rng.f32()), Vec3::splat(rng.f32()));
+            set.push_point(
+                Vec3::new(rng.f32(), rng.f32(), rng.f32()),
+                Vec3::splat(rng.f32()),
+            );
         }
         let build_with = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("thread pool");
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("thread pool");
             let tree = pool.install(|| LightTree::build(&set)).expect("has lights");
             format!("{:?}", tree.pairs)
         };

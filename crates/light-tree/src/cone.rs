@@ -16,18 +16,29 @@ const SLACK: f32 = 2e-6;
 
 impl Cone {
     /// Every direction.
-    pub const SPHERE: Self = Self { axis: Vec3::Z, cos: -1.0 };
+    pub const SPHERE: Self = Self {
+        axis: Vec3::Z,
+        cos: -1.0,
+    };
 
     /// Just `axis`, a unit vector; every direction when it has no length (omni lights).
     pub fn of(axis: Vec3) -> Self {
-        if axis.length_squared() > 0.25 { Self { axis, cos: 1.0 } } else { Self::SPHERE }
+        if axis.length_squared() > 0.25 {
+            Self { axis, cos: 1.0 }
+        } else {
+            Self::SPHERE
+        }
     }
 
     /// A cone that holds both, the smallest one up to rounding.
     ///
     /// Equal, opposite and nearly equal axes are all sound; opposite ones give every direction.
     pub fn union(self, other: Self) -> Self {
-        let (wide, narrow) = if self.cos <= other.cos { (self, other) } else { (other, self) };
+        let (wide, narrow) = if self.cos <= other.cos {
+            (self, other)
+        } else {
+            (other, self)
+        };
         let theta_wide = half_angle(wide.cos);
         let theta_narrow = half_angle(narrow.cos);
         let between = angle_between(wide.axis, narrow.axis);
@@ -47,7 +58,10 @@ impl Cone {
             None if between < 1.0 => wide.axis,
             None => return Self::SPHERE,
         };
-        Self { axis, cos: theta.cos() }
+        Self {
+            axis,
+            cos: theta.cos(),
+        }
     }
 
     /// Whether unit `direction` lies inside.
@@ -58,7 +72,11 @@ impl Cone {
 
 /// Half angle of a cone, exact enough near 0 and π where acos of an f32 is not.
 fn half_angle(cos: f32) -> f32 {
-    if cos >= 1.0 { 0.0 } else { cos.max(-1.0).acos() }
+    if cos >= 1.0 {
+        0.0
+    } else {
+        cos.max(-1.0).acos()
+    }
 }
 
 /// Angle between unit vectors, accurate for tiny and for nearly straight angles (Kahan).
@@ -80,7 +98,9 @@ mod tests {
                 _ => f32::from(u.arbitrary::<i16>()?) / 32768.0,
             })
         };
-        Ok(Vec3::new(c()?, c()?, c()?).try_normalize().unwrap_or(Vec3::X))
+        Ok(Vec3::new(c()?, c()?, c()?)
+            .try_normalize()
+            .unwrap_or(Vec3::X))
     }
 
     #[test]
@@ -89,10 +109,21 @@ mod tests {
             let mut cone = Cone::of(unit(u)?);
             let mut members = vec![cone.axis];
             for _ in 0..u.int_in_range(1..=6)? {
-                let axis = if u.ratio(1, 4)? { -members[0] } else { unit(u)? };
+                let axis = if u.ratio(1, 4)? {
+                    -members[0]
+                } else {
+                    unit(u)?
+                };
                 members.push(axis);
-                cone = if u.arbitrary()? { cone.union(Cone::of(axis)) } else { Cone::of(axis).union(cone) };
-                assert!(cone.axis.is_normalized() && cone.cos.is_finite(), "{cone:?}");
+                cone = if u.arbitrary()? {
+                    cone.union(Cone::of(axis))
+                } else {
+                    Cone::of(axis).union(cone)
+                };
+                assert!(
+                    cone.axis.is_normalized() && cone.cos.is_finite(),
+                    "{cone:?}"
+                );
                 for m in &members {
                     assert!(cone.contains(*m), "{cone:?} lacks {m}");
                 }
@@ -106,7 +137,14 @@ mod tests {
         let narrow = Cone::of(Vec3::X).union(Cone::of(Vec3::X));
         assert!(narrow.cos > 0.999_999, "{narrow:?}");
         let open = Cone::of(Vec3::X).union(Cone::of(Vec3::NEG_X));
-        assert!(open.contains(Vec3::Y) && open.contains(Vec3::NEG_Z), "{open:?}");
-        assert_eq!(Cone::of(Vec3::ZERO), Cone::SPHERE, "no axis, every direction");
+        assert!(
+            open.contains(Vec3::Y) && open.contains(Vec3::NEG_Z),
+            "{open:?}"
+        );
+        assert_eq!(
+            Cone::of(Vec3::ZERO),
+            Cone::SPHERE,
+            "no axis, every direction"
+        );
     }
 }

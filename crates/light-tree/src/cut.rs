@@ -71,7 +71,10 @@ impl Cut {
         let bound = tree.contribution_bound(receiver, id);
         if bound > 0.0 {
             let is_leaf = tree.node(id).light().is_some();
-            self.entries.push(Entry { node: id, bound: if is_leaf { 0.0 } else { bound } });
+            self.entries.push(Entry {
+                node: id,
+                bound: if is_leaf { 0.0 } else { bound },
+            });
         }
     }
 }
@@ -84,13 +87,19 @@ impl LightTree {
         let mut bound = 0.0;
         if node.has_positions() {
             let (centre, half) = receiver.offset(node);
-            let d2 = (centre.abs() - half).max(glam::Vec3A::ZERO).length_squared();
+            let d2 = (centre.abs() - half)
+                .max(glam::Vec3A::ZERO)
+                .length_squared();
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2);
             let cos = receiver.cos_bound_over(centre, half);
             if cos > 0.0 {
                 let falloff = d2.max(nearest2);
                 // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
-                let value = if falloff > 0.0 { cos * node.intensity / falloff } else { f32::MAX };
+                let value = if falloff > 0.0 {
+                    cos * node.intensity / falloff
+                } else {
+                    f32::MAX
+                };
                 bound = value.clamp(f32::MIN_POSITIVE, f32::MAX);
             }
         }

@@ -85,7 +85,10 @@ impl LightSet {
     /// # Panics
     /// On a non-finite or negative number, or after a virtual light was added.
     pub fn push_directional(&mut self, direction: Vec3, irradiance: Vec3) -> bool {
-        assert!(direction.is_normalized(), "directional light along {direction}");
+        assert!(
+            direction.is_normalized(),
+            "directional light along {direction}"
+        );
         self.push(Vec3::ZERO, direction, irradiance, LightKind::Directional)
     }
 
@@ -95,7 +98,10 @@ impl LightSet {
     /// On a non-finite or negative number.
     pub fn push_virtual(&mut self, light: &VirtualLight) -> bool {
         let intensity = light.flux * light.reflectance * std::f32::consts::FRAC_1_PI;
-        assert!(light.position.is_finite() && light.normal.is_finite(), "virtual light {light:?}");
+        assert!(
+            light.position.is_finite() && light.normal.is_finite(),
+            "virtual light {light:?}"
+        );
         check_colour(intensity);
         if !(luminance(intensity) > 0.0) {
             return false;
@@ -128,7 +134,10 @@ impl LightSet {
 
     /// Sets the radius of all virtual lights, in scene units, finite and ≥ 0.
     pub fn set_radius(&mut self, radius: f32) {
-        assert!(radius >= 0.0 && radius.is_finite(), "virtual light radius {radius}");
+        assert!(
+            radius >= 0.0 && radius.is_finite(),
+            "virtual light radius {radius}"
+        );
         self.radius = radius;
     }
 
@@ -203,12 +212,16 @@ impl LightSet {
 
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
-        self.len() * (3 * size_of::<Vec3>() + size_of::<LightKind>()) + self.origins.len() * size_of::<Origin>()
+        self.len() * (3 * size_of::<Vec3>() + size_of::<LightKind>())
+            + self.origins.len() * size_of::<Origin>()
     }
 }
 
 fn check_colour(c: Vec3) {
-    assert!(c.is_finite() && c.min_element() >= 0.0, "light colour {c} is not finite and >= 0");
+    assert!(
+        c.is_finite() && c.min_element() >= 0.0,
+        "light colour {c} is not finite and >= 0"
+    );
 }
 
 #[cfg(test)]
@@ -219,7 +232,10 @@ mod tests {
     fn lights_without_power_are_not_added() {
         let mut set = LightSet::default();
         assert!(!set.push_point(Vec3::ZERO, Vec3::ZERO), "black point light");
-        assert!(set.push_point(Vec3::ZERO, Vec3::new(0.0, 1e-30, 0.0)), "dim point light");
+        assert!(
+            set.push_point(Vec3::ZERO, Vec3::new(0.0, 1e-30, 0.0)),
+            "dim point light"
+        );
         let black_surface = VirtualLight {
             position: Vec3::ZERO,
             normal: Vec3::Y,
@@ -228,7 +244,10 @@ mod tests {
             reflectance: Vec3::ZERO,
             material: 0,
         };
-        assert!(!set.push_virtual(&black_surface), "light on a black surface");
+        assert!(
+            !set.push_virtual(&black_surface),
+            "light on a black surface"
+        );
         assert_eq!(set.len(), 1, "only the dim one");
     }
 
@@ -246,6 +265,10 @@ mod tests {
         };
         set.push_virtual(&light);
         assert_eq!(set.virtual_light(LightId(0)), None, "the point light");
-        assert_eq!(set.virtual_light(LightId(1)), Some(light), "the virtual one");
+        assert_eq!(
+            set.virtual_light(LightId(1)),
+            Some(light),
+            "the virtual one"
+        );
     }
 }

@@ -50,7 +50,11 @@ fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
     let p0 = w0 / sum;
     // A child of weight 0 is never taken: p0 = 1 takes all u < 1, p0 = 0 takes none.
     // 1 − p0 would cancel when p0 is near 1.
-    let (child, p, rescaled) = if u < p0 { (0, p0, u / p0) } else { (1, w1 / sum, (u - p0) * sum / w1) };
+    let (child, p, rescaled) = if u < p0 {
+        (0, p0, u / p0)
+    } else {
+        (1, w1 / sum, (u - p0) * sum / w1)
+    };
     Some((child, p, rescaled.clamp(0.0, BELOW_ONE)))
 }
 
@@ -83,9 +87,16 @@ impl Selector {
             match dead_branches {
                 DeadBranch::Stop => {
                     self.drawn.push(None);
-                    self.active.push(Descent { node, u, pmf: 1.0, slot });
+                    self.active.push(Descent {
+                        node,
+                        u,
+                        pmf: 1.0,
+                        slot,
+                    });
                 }
-                DeadBranch::Retry => self.drawn.push(tree.select_retry(weights, receiver, node, u)),
+                DeadBranch::Retry => self
+                    .drawn
+                    .push(tree.select_retry(weights, receiver, node, u)),
             }
         }
         while !self.active.is_empty() {
@@ -97,7 +108,12 @@ impl Selector {
                         self.active[kept] = descent;
                         kept += 1;
                     }
-                    Step::Leaf(light) => self.drawn[descent.slot] = Some(Selected { light, pmf: descent.pmf }),
+                    Step::Leaf(light) => {
+                        self.drawn[descent.slot] = Some(Selected {
+                            light,
+                            pmf: descent.pmf,
+                        })
+                    }
                     Step::Dead => {}
                 }
             }
@@ -127,7 +143,11 @@ impl LightTree {
         descent.pmf *= p;
         descent.u = u;
         // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from none.
-        if descent.pmf > 0.0 { Step::Deeper } else { Step::Dead }
+        if descent.pmf > 0.0 {
+            Step::Deeper
+        } else {
+            Step::Dead
+        }
     }
 
     /// Draws one light below `root` by Algorithm 1 as printed, dead branches retried.
@@ -136,16 +156,35 @@ impl LightTree {
     /// share D of the probability of a node's other child is dead.
     ///
     /// Source: Yuksel 2019, supplement, Algorithm 1.
-    pub fn select_retry(&self, weights: NodeWeights, receiver: &Receiver, root: NodeId, u: f64) -> Option<Selected> {
+    pub fn select_retry(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        root: NodeId,
+        u: f64,
+    ) -> Option<Selected> {
         let mut passed: Vec<Descent> = Vec::new();
-        let mut now = Descent { node: root, u, pmf: 1.0, slot: 0 };
+        let mut now = Descent {
+            node: root,
+            u,
+            pmf: 1.0,
+            slot: 0,
+        };
         loop {
             let before = now;
             match self.descend(weights, receiver, &mut now) {
-                Step::Leaf(light) => return Some(Selected { light, pmf: now.pmf }),
+                Step::Leaf(light) => {
+                    return Some(Selected {
+                        light,
+                        pmf: now.pmf,
+                    });
+                }
                 Step::Deeper => {
                     let sibling = NodeId(now.node.0 ^ 1);
-                    passed.push(Descent { node: sibling, ..before });
+                    passed.push(Descent {
+                        node: sibling,
+                        ..before
+                    });
                 }
                 Step::Dead => now = passed.pop()?,
             }
@@ -154,7 +193,12 @@ impl LightTree {
 
     /// Probability of drawing each light below `root`, by enumeration, and the dead mass left over; for tests
     /// and analysis: costs a visit of every live node.
-    pub fn pmf_below(&self, weights: NodeWeights, receiver: &Receiver, root: NodeId) -> (Vec<(LightId, f64)>, f64) {
+    pub fn pmf_below(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        root: NodeId,
+    ) -> (Vec<(LightId, f64)>, f64) {
         let mut lights = Vec::new();
         let mut dead = 0.0;
         let mut stack = vec![(root, 1.0)];

@@ -32,15 +32,29 @@ const LEAF: u32 = 1 << 31;
 pub(crate) const MAX_LIGHTS: usize = (LEAF as usize) / 2 - 1;
 
 impl Node {
-    pub(crate) const UNUSED: Self =
-        Self { lo: Vec3::INFINITY, intensity: 0.0, hi: Vec3::NEG_INFINITY, link: 0 };
+    pub(crate) const UNUSED: Self = Self {
+        lo: Vec3::INFINITY,
+        intensity: 0.0,
+        hi: Vec3::NEG_INFINITY,
+        link: 0,
+    };
 
     pub(crate) fn leaf(lo: Vec3, hi: Vec3, intensity: f32, light: LightId) -> Self {
-        Self { lo, intensity, hi, link: LEAF | light.0 }
+        Self {
+            lo,
+            intensity,
+            hi,
+            link: LEAF | light.0,
+        }
     }
 
     pub(crate) fn inner(lo: Vec3, hi: Vec3, intensity: f32, first_child: u32) -> Self {
-        Self { lo, intensity, hi, link: first_child }
+        Self {
+            lo,
+            intensity,
+            hi,
+            link: first_child,
+        }
     }
 
     /// The light of a leaf; `None` for an inner node.
@@ -126,7 +140,10 @@ impl LightTree {
     /// Emission axes (or travel directions) of the lights below; every direction for omni lights.
     #[inline]
     pub fn cone(&self, id: NodeId) -> Cone {
-        self.cones.get(id.0 as usize).copied().unwrap_or(Cone::SPHERE)
+        self.cones
+            .get(id.0 as usize)
+            .copied()
+            .unwrap_or(Cone::SPHERE)
     }
 
     /// ‖Iᴰ‖: sum of the scalar irradiances of the lights below that do not fall off.
@@ -170,7 +187,12 @@ impl LightTree {
         }
     }
 
-    fn validate_below(&self, root: NodeId, lights: &LightSet, seen: &mut [bool]) -> Result<(), String> {
+    fn validate_below(
+        &self,
+        root: NodeId,
+        lights: &LightSet,
+        seen: &mut [bool],
+    ) -> Result<(), String> {
         // An explicit stack: a tree may be deeper than the thread's.
         let mut stack = vec![root];
         while let Some(id) = stack.pop() {
@@ -178,25 +200,42 @@ impl LightTree {
             if let Some(light) = node.light() {
                 let i = light.index();
                 if i >= seen.len() || std::mem::replace(&mut seen[i], true) {
-                    return Err(format!("leaf {} holds light {i} out of range or for the second time", id.0));
+                    return Err(format!(
+                        "leaf {} holds light {i} out of range or for the second time",
+                        id.0
+                    ));
                 }
                 self.validate_leaf(id, light, lights)?;
                 continue;
             }
-            let Some(first) = node.first_child() else { continue };
+            let Some(first) = node.first_child() else {
+                continue;
+            };
             let children = self.pair(first);
-            let (lo, hi) = (children[0].lo.min(children[1].lo), children[0].hi.max(children[1].hi));
+            let (lo, hi) = (
+                children[0].lo.min(children[1].lo),
+                children[0].hi.max(children[1].hi),
+            );
             if (lo, hi) != (node.lo, node.hi) {
-                return Err(format!("box of node {} is not the union of its children's", id.0));
+                return Err(format!(
+                    "box of node {} is not the union of its children's",
+                    id.0
+                ));
             }
             let sum = f64::from(children[0].intensity) + f64::from(children[1].intensity);
             if (f64::from(node.intensity) - sum).abs() > 1e-6 * sum {
-                return Err(format!("node {} has intensity {} but its children {sum}", id.0, node.intensity));
+                return Err(format!(
+                    "node {} has intensity {} but its children {sum}",
+                    id.0, node.intensity
+                ));
             }
             for child in [first, NodeId(first.0 + 1)] {
                 let (outer, inner) = (self.cone(id), self.cone(child));
                 if !outer.contains(inner.axis) && inner != Cone::SPHERE {
-                    return Err(format!("cone of node {} lacks the axis of child {}", id.0, child.0));
+                    return Err(format!(
+                        "cone of node {} lacks the axis of child {}",
+                        id.0, child.0
+                    ));
                 }
                 stack.push(child);
             }
@@ -220,7 +259,10 @@ impl LightTree {
         {
             Ok(())
         } else {
-            Err(format!("leaf {} does not describe its light {}", id.0, light.0))
+            Err(format!(
+                "leaf {} does not describe its light {}",
+                id.0, light.0
+            ))
         }
     }
 }

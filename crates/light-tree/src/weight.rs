@@ -22,7 +22,12 @@ pub(crate) type PairWeights = [f32; 2];
 impl LightTree {
     /// Weighs the children `first` and `first + 1` for the receiver.
     #[inline]
-    pub(crate) fn weigh(&self, weights: NodeWeights, receiver: &Receiver, first: NodeId) -> PairWeights {
+    pub(crate) fn weigh(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        first: NodeId,
+    ) -> PairWeights {
         match weights {
             NodeWeights::Yuksel2019 => self.weigh_yuksel2019(receiver, first),
             NodeWeights::MinMax => self.weigh_min_max(receiver, first),
@@ -41,7 +46,9 @@ impl LightTree {
                 continue;
             }
             let (centre, half) = receiver.offset(node);
-            let d2 = (centre.abs() - half).max(glam::Vec3A::ZERO).length_squared();
+            let d2 = (centre.abs() - half)
+                .max(glam::Vec3A::ZERO)
+                .length_squared();
             let node_diagonal2 = 4.0 * half.length_squared();
             lit[k] = receiver.cos_bound_over(centre, half) * node.intensity;
             near |= d2 < node_diagonal2;
@@ -57,7 +64,12 @@ impl LightTree {
             // A light exactly at the receiver outweighs all that is not.
             least2.map(|d2| if d2 == 0.0 { 1.0 } else { 0.0 })
         };
-        self.finish(receiver, first, [lit[0] * falloff[0], lit[1] * falloff[1]], lit)
+        self.finish(
+            receiver,
+            first,
+            [lit[0] * falloff[0], lit[1] * falloff[1]],
+            lit,
+        )
     }
 
     #[inline]
@@ -98,12 +110,21 @@ impl LightTree {
             let sum = w[0] + w[1];
             if sum > 0.0 { w[k] / sum } else { 0.0 }
         };
-        [share(near, 0) + share(far, 0), share(near, 1) + share(far, 1)]
+        [
+            share(near, 0) + share(far, 0),
+            share(near, 1) + share(far, 1),
+        ]
     }
 
     /// Adds the lights without falloff, F ‖Iᴰ‖, and keeps the weights finite and alive where `lit` is.
     #[inline]
-    fn finish(&self, receiver: &Receiver, first: NodeId, mut w: PairWeights, lit: PairWeights) -> PairWeights {
+    fn finish(
+        &self,
+        receiver: &Receiver,
+        first: NodeId,
+        mut w: PairWeights,
+        lit: PairWeights,
+    ) -> PairWeights {
         if !self.directional.is_empty() {
             for (k, weight) in w.iter_mut().enumerate() {
                 let id = NodeId(first.0 + k as u32);
@@ -114,7 +135,11 @@ impl LightTree {
             }
         }
         let sum = w[0] + w[1];
-        if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) { w } else { rescue(w, lit) }
+        if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) {
+            w
+        } else {
+            rescue(w, lit)
+        }
     }
 }
 
@@ -127,5 +152,9 @@ fn rescue(w: PairWeights, lit: PairWeights) -> PairWeights {
         return w.map(|x| (f64::from(x) / greatest) as f32);
     }
     let greatest = lit[0].max(lit[1]);
-    if greatest > 0.0 && greatest.is_finite() { lit.map(|x| x / greatest) } else { lit.map(|x| f32::from(u8::from(x > 0.0))) }
+    if greatest > 0.0 && greatest.is_finite() {
+        lit.map(|x| x / greatest)
+    } else {
+        lit.map(|x| f32::from(u8::from(x > 0.0)))
+    }
 }

@@ -18,7 +18,10 @@ impl Discrete {
         let cumulative: Vec<f64> = weights
             .into_iter()
             .map(|w| {
-                assert!(w >= 0.0 && w.is_finite(), "weight {w} is not finite and >= 0");
+                assert!(
+                    w >= 0.0 && w.is_finite(),
+                    "weight {w} is not finite and >= 0"
+                );
                 sum += w;
                 sum
             })
@@ -28,7 +31,10 @@ impl Discrete {
 
     /// Sum of all weights.
     pub fn total(&self) -> f64 {
-        *self.cumulative.last().expect("a distribution has at least one weight")
+        *self
+            .cumulative
+            .last()
+            .expect("a distribution has at least one weight")
     }
 
     /// Probability of index `i`.
@@ -74,6 +80,10 @@ mod tests {
         let n = 1_000_000;
         let d = Discrete::new((0..n).map(|i| if i == 0 { 1e9 } else { 1e-3 })).expect("has weight");
         let expected = 1e-3 / d.total();
-        assert!((d.pmf(n - 1) / expected - 1.0).abs() < 1e-3, "pmf {} vs {expected}", d.pmf(n - 1));
+        assert!(
+            (d.pmf(n - 1) / expected - 1.0).abs() < 1e-3,
+            "pmf {} vs {expected}",
+            d.pmf(n - 1)
+        );
     }
 }

@@ -93,7 +93,9 @@ mod tests {
     #[test]
     fn means_of_z_match_their_integrals() {
         check_mean_z("sphere", 0.0, (1.0f64 / 3.0).sqrt(), uniform_sphere);
-        check_mean_z("cosine", 2.0 / 3.0, (1.0f64 / 18.0).sqrt(), |u| cosine_hemisphere(u).0);
+        check_mean_z("cosine", 2.0 / 3.0, (1.0f64 / 18.0).sqrt(), |u| {
+            cosine_hemisphere(u).0
+        });
         // cosⁿ⁺¹ density: mean (n+1)/(n+2), second moment (n+1)/(n+3).
         let n = 9.0;
         let mean: f64 = (n + 1.0) / (n + 2.0);
@@ -106,8 +108,16 @@ mod tests {
     fn extreme_numbers_stay_on_the_sphere() {
         let last = 1.0 - f32::EPSILON / 2.0;
         for u in [[0.0, 0.0], [last, last], [0.0, last], [last, 0.0]] {
-            for v in [uniform_sphere(u), cosine_hemisphere(u).0, phong_lobe(1e6, u), uniform_cone(1e-12, u)] {
-                assert!(v.is_finite() && (v.length() - 1.0).abs() < 1e-5, "{u:?} gives {v}");
+            for v in [
+                uniform_sphere(u),
+                cosine_hemisphere(u).0,
+                phong_lobe(1e6, u),
+                uniform_cone(1e-12, u),
+            ] {
+                assert!(
+                    v.is_finite() && (v.length() - 1.0).abs() < 1e-5,
+                    "{u:?} gives {v}"
+                );
             }
             assert!(cosine_hemisphere(u).1 > 0.0, "density at {u:?}");
         }

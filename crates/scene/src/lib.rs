@@ -23,6 +23,7 @@ pub use material::{Material, MaterialId};
 pub use mesh::{ABSENT, Mesh};
 pub use surface::Surface;
 pub use texture::{Texture, TextureId};
+pub use view::Camera;
 
 /// Everything a render reads: geometry, materials, lights, camera. World space, scene units, linear RGB.
 #[derive(Debug, Default, Clone)]

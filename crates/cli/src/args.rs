@@ -1,0 +1,166 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use gather::{MethodSpec, Shard};
+use ron_file::Override;
+
+/// A many-light renderer: a million virtual lights, a light tree, and stochastic lightcuts.
+#[derive(Debug, Parser)]
+#[command(version, about, arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a picture: writes NAME.exr, NAME.png and NAME.json
+    Render(RenderArgs),
+    /// Read everything a render would read and say what it needs, without rendering
+    Check(CheckArgs),
+    /// Print error figures of an EXR against a reference
+    Compare(CompareArgs),
+    /// Combine the shards of one render into the whole picture
+    Merge(MergeArgs),
+    /// Write a built-in scene as files
+    Scene(SceneArgs),
+}
+
+/// A run file and what overrides it.
+#[derive(Debug, Args)]
+pub(crate) struct JobArgs {
+    /// Run file (RON)
+    pub(crate) config: PathBuf,
+    /// Method, with its default settings: see `manylight render --help`
+    #[arg(long, value_name = "NAME", long_help = method_help())]
+    pub(crate) method: Option<String>,
+    /// Picture size in pixels, such as 480x270
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Samples a pixel
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Set any field of the run file to a RON value, such as lights.count=2000; repeatable
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub(crate) overrides: Vec<Override>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    #[command(flatten)]
+    pub(crate) job: JobArgs,
+    /// Stop after the pass in which this many seconds of rendering fall
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub(crate) max_seconds: Option<f64>,
+    /// Threads; all processors when not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Name of the results; the run file's when not given
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
+    /// Render only the I-th of N parts, from 1; `manylight merge` puts them together
+    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    pub(crate) shard: Option<Shard>,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub(crate) quiet: bool,
+    /// Picture to measure the error against, after every pass
+    #[arg(long, value_name = "R.exr")]
+    pub(crate) reference: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CheckArgs {
+    #[command(flatten)]
+    pub(crate) job: JobArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// Picture
+    pub(crate) image: PathBuf,
+    /// What it should be
+    pub(crate) reference: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Exit with 1 when relmse is above this
+    #[arg(long, value_name = "X")]
+    pub(crate) max_relmse: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MergeArgs {
+    /// Shards, as `manylight render --shard` wrote them
+    #[arg(required = true)]
+    pub(crate) shards: Vec<PathBuf>,
+    /// Where the whole picture goes; a PNG is written beside it
+    #[arg(long, value_name = "OUT.exr")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// Name of the scene
+    #[arg(required_unless_present = "list")]
+    pub(crate) name: Option<String>,
+    /// Folder to write it to
+    #[arg(long, value_name = "DIR", required_unless_present = "list")]
+    pub(crate) out: Option<PathBuf>,
+    /// List the built-in scenes
+    #[arg(long)]
+    pub(crate) list: bool,
+}
+
+fn method_help() -> String {
+    let names: Vec<_> = MethodSpec::all().iter().map(MethodSpec::name).collect();
+    format!(
+        "Method, with its default settings: {}, or best",
+        names.join(", ")
+    )
+}
+
+/// `480x270`.
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let expected = || format!("found {text}; expected WIDTHxHEIGHT, such as 480x270");
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(expected)?;
+    Ok([
+        w.parse().map_err(|_| expected())?,
+        h.parse().map_err(|_| expected())?,
+    ])
+}
+
+/// Finite and not negative.
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(t) if t.is_finite() && t >= 0.0 => Ok(t),
+        _ => Err(format!(
+            "found {text}; expected a number of seconds, 0 or more"
+        )),
+    }
+}
+
+/// `2/3`: the second of three.
+fn parse_shard(text: &str) -> Result<Shard, String> {
+    let parts = text
+        .split_once('/')
+        .and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok(Shard {
+            index: i - 1,
+            count: n,
+        }),
+        _ => Err(format!(
+            "found {text}; expected I/N with 1 <= I <= N, such as 2/3"
+        )),
+    }
+}

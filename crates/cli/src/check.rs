@@ -1,0 +1,80 @@
+//! `manylight check`.
+
+use gather::Plan;
+use scene::trace::Tracer;
+
+use crate::args::CheckArgs;
+use crate::error::CliError;
+use crate::job::{Job, LightsSpec};
+use crate::machine::{available_memory, human};
+use crate::render::refuse_too_large;
+
+#[allow(clippy::print_stdout, reason = "the answer of the command")]
+pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
+    let job = Job::read(&arguments.job)?;
+    let scene = scene::load::load(&job.scene)?;
+    let tracer = Tracer::build(&scene);
+    let lights = vpl::source_lights(&scene.emitters);
+    let notes = &scene.notes;
+
+    println!("scene      {}", job.scene.display());
+    println!(
+        "triangles  {} ({} can be hit)",
+        scene.mesh.len(),
+        tracer.triangle_count()
+    );
+    println!(
+        "materials  {}, textures {}",
+        scene.materials.len(),
+        scene.textures.len()
+    );
+    println!("lights     {}", lights.len());
+    if let LightsSpec::Virtual(v) = job.lights {
+        println!(
+            "           and about {} virtual ones, up to {} bounces",
+            v.count.0, v.max_bounces.0
+        );
+    }
+    println!("camera     {:?}", scene.camera);
+    println!(
+        "picture    {}x{}, {} samples a pixel",
+        job.width, job.height, job.spp
+    );
+    println!("method     {:?}", job.method);
+    for (count, what) in [
+        (notes.degenerate_triangles, "triangles without area dropped"),
+        (
+            notes.duplicate_triangles,
+            "triangles that repeat another dropped",
+        ),
+        (notes.zero_normals, "normals of length zero replaced"),
+        (notes.zero_power_lights, "lights without power dropped"),
+        (
+            notes.ignored_emissive_materials,
+            "emissive materials not among the scene's lights",
+        ),
+    ] {
+        if count > 0 {
+            println!("note       {count} {what}");
+        }
+    }
+    for remark in &notes.remarks {
+        println!("note       {remark}");
+    }
+    if lights.is_empty() {
+        println!("note       no lights: the picture will be black");
+    }
+    let uses_tree = !matches!(job.method, gather::MethodSpec::AllLights(_)) && !lights.is_empty();
+    let mut plan = Plan::of(&scene, &lights, uses_tree);
+    if matches!(job.lights, LightsSpec::Virtual(_)) && !lights.is_empty() {
+        plan.need("virtual lights");
+    }
+    println!("needs      {}", plan.needs().join(", "));
+    println!("skips      {}", plan.skipped().join(", "));
+    let free = available_memory().map_or(String::new(), |m| format!(" of {} free", human(m)));
+    println!(
+        "memory     about {}{free}",
+        human(job.memory() + tracer.bytes() as u64)
+    );
+    refuse_too_large(&job)
+}

@@ -1,0 +1,32 @@
+//! `manylight compare`.
+
+use crate::args::CompareArgs;
+use crate::error::CliError;
+
+#[allow(clippy::print_stdout, reason = "the answer of the command")]
+pub(crate) fn run(arguments: &CompareArgs) -> Result<(), CliError> {
+    let image = film::read_image(&arguments.image)?;
+    let reference = film::read_image(&arguments.reference)?;
+    let metrics = film::compare(&image, &reference)?;
+    if arguments.json {
+        let fields: serde_json::Map<String, serde_json::Value> = metrics
+            .fields()
+            .into_iter()
+            .map(|(name, value)| (name.to_owned(), value.into()))
+            .collect();
+        println!("{}", serde_json::Value::Object(fields));
+    } else {
+        for (name, value) in metrics.fields() {
+            println!("{name:<11} {value:.6e}");
+        }
+    }
+    match arguments.max_relmse {
+        // Written so that a figure that is no number fails too.
+        Some(limit) if !(metrics.relmse <= limit) => Err(CliError::Limit(format!(
+            "{}: relmse is {:e}; expected at most {limit:e}",
+            arguments.image.display(),
+            metrics.relmse
+        ))),
+        _ => Ok(()),
+    }
+}

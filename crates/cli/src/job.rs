@@ -1,0 +1,291 @@
+//! The run file. A [`JobSpec`] is what is written, a [`Job`] what has been found sound.
+
+use std::path::{Path, PathBuf};
+
+use gather::{MethodSpec, VirtualShape};
+use ron_file::Override;
+use serde::Deserialize;
+
+use crate::args::JobArgs;
+use crate::error::CliError;
+
+/// A run file as written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JobSpec {
+    scene: String,
+    #[serde(default)]
+    image: ImageSpec,
+    #[serde(default)]
+    lights: LightsSpec,
+    #[serde(default)]
+    integrator: Integrator,
+    #[serde(default)]
+    method: MethodSpec,
+    #[serde(default = "default_seed")]
+    seed: u64,
+}
+
+fn default_seed() -> u64 {
+    1
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct ImageSpec {
+    width: Extent,
+    height: Extent,
+    spp: Samples,
+}
+
+impl Default for ImageSpec {
+    fn default() -> Self {
+        Self {
+            width: Extent(960),
+            height: Extent(540),
+            spp: Samples(64),
+        }
+    }
+}
+
+/// Which lights light the scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+pub(crate) enum LightsSpec {
+    /// The scene's own.
+    #[default]
+    AsGiven,
+    /// The scene's own for direct light, and virtual ones for all that is reflected.
+    Virtual(VirtualSpec),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct VirtualSpec {
+    pub(crate) kind: VirtualKind,
+    pub(crate) count: LightCount,
+    pub(crate) max_bounces: Bounces,
+}
+
+impl Default for VirtualSpec {
+    fn default() -> Self {
+        Self {
+            kind: VirtualKind::default(),
+            count: LightCount(1_000_000),
+            max_bounces: Bounces(8),
+        }
+    }
+}
+
+/// How virtual lights shine.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub(crate) enum VirtualKind {
+    /// Spheres.
+    Vsl(VslSpec),
+    /// Points, with a clamped geometry term.
+    Vpl(VplSpec),
+}
+
+impl Default for VirtualKind {
+    fn default() -> Self {
+        Self::Vsl(VslSpec::default())
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct VslSpec {
+    /// Scene units; from the lights' density when not given.
+    pub(crate) radius: Option<Length>,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct VplSpec {
+    /// Greatest cos cos / d², in 1/scene unit²; no clamp when not given.
+    pub(crate) clamp: Option<Clamp>,
+}
+
+/// Which light paths are followed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+enum Integrator {
+    /// To the first hit, and from there to the lights in use.
+    #[default]
+    Direct,
+}
+
+/// A whole number in a range, checked while it is read so that the message knows its place.
+macro_rules! whole {
+    ($name:ident, $type:ty, $range:expr) => {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+        #[serde(try_from = "u64")]
+        pub(crate) struct $name(pub(crate) $type);
+
+        impl TryFrom<u64> for $name {
+            type Error = String;
+
+            fn try_from(value: u64) -> Result<Self, String> {
+                match <$type>::try_from(value) {
+                    Ok(v) if $range.contains(&v) => Ok(Self(v)),
+                    _ => Err(format!(
+                        "found {value}; expected {}..={}",
+                        $range.start(),
+                        $range.end()
+                    )),
+                }
+            }
+        }
+    };
+}
+
+whole!(Extent, u32, (1..=65_536));
+whole!(Samples, u32, (1..=16_777_216));
+whole!(LightCount, usize, (0..=1_000_000_000));
+whole!(Bounces, u32, (1..=1024));
+
+/// A finite length, 0 or more.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(try_from = "f32")]
+pub(crate) struct Length(pub(crate) f32);
+
+impl TryFrom<f32> for Length {
+    type Error = String;
+
+    fn try_from(value: f32) -> Result<Self, String> {
+        if value.is_finite() && value >= 0.0 {
+            Ok(Self(value))
+        } else {
+            Err(format!(
+                "found {value}; expected a finite length, 0 or more"
+            ))
+        }
+    }
+}
+
+/// A finite number above 0.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(try_from = "f32")]
+pub(crate) struct Clamp(pub(crate) f32);
+
+impl TryFrom<f32> for Clamp {
+    type Error = String;
+
+    fn try_from(value: f32) -> Result<Self, String> {
+        if value.is_finite() && value > 0.0 {
+            Ok(Self(value))
+        } else {
+            Err(format!("found {value}; expected a finite number above 0"))
+        }
+    }
+}
+
+/// Variants with fields that a run file may write without parentheses.
+const BARE: &[&str] = &["Virtual", "Vsl", "Vpl"];
+
+/// A sound job: every number is in range and the scene file is there to be read.
+#[derive(Debug, Clone)]
+pub(crate) struct Job {
+    /// `scene.ron`.
+    pub(crate) scene: PathBuf,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) spp: u32,
+    pub(crate) lights: LightsSpec,
+    pub(crate) method: MethodSpec,
+    pub(crate) seed: u64,
+    /// The run file's stem.
+    pub(crate) name: String,
+}
+
+impl Job {
+    /// Reads the run file and applies what the command line overrides.
+    pub(crate) fn read(arguments: &JobArgs) -> Result<Self, CliError> {
+        let mut overrides = Vec::new();
+        if let Some(name) = &arguments.method {
+            let value = format!("{}()", method_variant(name)?);
+            overrides.push(Override {
+                path: "method".into(),
+                value,
+            });
+        }
+        overrides.extend(arguments.overrides.iter().cloned());
+        let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
+        let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
+        let Integrator::Direct = spec.integrator;
+        let [width, height] = match arguments.size {
+            Some([w, h]) => [extent("--size: width", w)?, extent("--size: height", h)?],
+            None => [spec.image.width.0, spec.image.height.0],
+        };
+        let spp = match arguments.spp {
+            Some(n) => {
+                Samples::try_from(u64::from(n))
+                    .map_err(|e| CliError::Input(format!("--spp: {e}")))?
+                    .0
+            }
+            None => spec.image.spp.0,
+        };
+        let folder = arguments.config.parent().unwrap_or(Path::new(""));
+        let stem = arguments
+            .config
+            .file_stem()
+            .map(|s| s.to_string_lossy().into_owned());
+        Ok(Self {
+            scene: folder.join(scene::load::expand(&spec.scene)?),
+            width,
+            height,
+            spp,
+            lights: spec.lights,
+            method: spec.method,
+            seed: arguments.seed.unwrap_or(spec.seed),
+            name: stem.unwrap_or_else(|| "render".into()),
+        })
+    }
+
+    /// How virtual lights shine.
+    pub(crate) fn shape(&self) -> VirtualShape {
+        match self.lights {
+            LightsSpec::Virtual(VirtualSpec {
+                kind: VirtualKind::Vpl(vpl),
+                ..
+            }) => VirtualShape::ClampedPoint(vpl.clamp.map_or(f32::INFINITY, |c| c.0)),
+            _ => VirtualShape::Sphere,
+        }
+    }
+
+    /// Estimated bytes for film and lights; the scene itself is loaded by then.
+    pub(crate) fn memory(&self) -> u64 {
+        // Per pixel: running statistics and features of the film (130), the finished picture (60), copies of
+        // it while it is written (60). Per virtual light: traced twice over while chunks are joined (150), the
+        // set (110), the tree (96), the build's copy (32).
+        const PIXEL: u64 = 250;
+        const LIGHT: u64 = 390;
+        let lights = match self.lights {
+            LightsSpec::AsGiven => 0,
+            LightsSpec::Virtual(v) => v.count.0 as u64,
+        };
+        u64::from(self.width) * u64::from(self.height) * PIXEL + lights * LIGHT
+    }
+}
+
+fn extent(what: &str, value: u32) -> Result<u32, CliError> {
+    Extent::try_from(u64::from(value))
+        .map(|e| e.0)
+        .map_err(|e| CliError::Input(format!("{what}: {e}")))
+}
+
+/// The variant that a command-line name stands for.
+fn method_variant(name: &str) -> Result<&'static str, CliError> {
+    if name == "best" {
+        return Ok(MethodSpec::default().variant());
+    }
+    let all = MethodSpec::all();
+    match all.iter().find(|m| m.name() == name) {
+        Some(method) => Ok(method.variant()),
+        None => {
+            let names: Vec<_> = all.iter().map(MethodSpec::name).collect();
+            Err(CliError::Input(format!(
+                "--method: found {name}; expected {}, or best",
+                names.join(", ")
+            )))
+        }
+    }
+}

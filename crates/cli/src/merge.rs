@@ -1,0 +1,32 @@
+//! `manylight merge`.
+
+use film::{Exposure, Picture};
+
+use crate::args::MergeArgs;
+use crate::error::CliError;
+
+pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
+    let mut parts = Vec::new();
+    let mut attributes: Option<Vec<(String, String)>> = None;
+    for path in &arguments.shards {
+        let (picture, found) = Picture::read_exr(path)?;
+        match &attributes {
+            Some(first) if *first != found => {
+                let differs = first.iter().zip(&found).find(|(a, b)| a != b);
+                let what = differs.map_or(String::new(), |(a, b)| {
+                    format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
+                });
+                return Err(CliError::Input(format!(
+                    "{}: a shard of another render{what}",
+                    path.display()
+                )));
+            }
+            _ => attributes = Some(found),
+        }
+        parts.push((path.display().to_string(), picture));
+    }
+    let whole = Picture::merge(&parts)?;
+    whole.write_exr(&arguments.out, &attributes.unwrap_or_default())?;
+    whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
+    Ok(())
+}

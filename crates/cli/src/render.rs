@@ -1,0 +1,242 @@
+//! `manylight render`.
+
+use std::time::Instant;
+
+use film::{Exposure, Image, Picture};
+use gather::{Inputs, Pass, Render, RenderSpec, Shard};
+use light_tree::LightSet;
+use scene::Scene;
+use scene::trace::Tracer;
+use vpl::{VirtualLightSpec, VirtualLightStats};
+
+use crate::args::RenderArgs;
+use crate::error::CliError;
+use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
+use crate::machine::{available_memory, human};
+use crate::progress::Progress;
+use crate::report::{self, Measured, PassError, SetUpSeconds};
+
+/// Neighbours that a virtual light's sphere reaches when no radius is given.
+const RADIUS_NEIGHBOURS: usize = 10;
+
+pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
+    let job = Job::read(&arguments.job)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads.map_or(0, usize::from))
+        .build()
+        .map_err(|e| CliError::Input(format!("--threads: cannot start threads: {e}")))?;
+    let mut progress = Progress::new(arguments.quiet);
+    pool.install(|| render(arguments, &job, &mut progress))
+}
+
+fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<(), CliError> {
+    refuse_too_large(job)?;
+    let reference = arguments
+        .reference
+        .as_deref()
+        .map(film::read_image)
+        .transpose()?;
+    if let Some(reference) = &reference {
+        refuse_other_size(job, reference, arguments)?;
+    }
+    let mut seconds = SetUpSeconds::default();
+    let prepared = Prepared::new(job, &mut seconds, progress)?;
+    let spec = RenderSpec {
+        width: job.width,
+        height: job.height,
+        spp: job.spp,
+        seed: job.seed,
+        shape: job.shape(),
+        shard: arguments.shard.unwrap_or(Shard::ALL),
+    };
+    let mut render = Render::new(
+        &prepared.scene,
+        &prepared.tracer,
+        &prepared.inputs,
+        &job.method,
+        spec,
+    );
+    // The first pass would build the tree inside the time that is called rendering.
+    let started = Instant::now();
+    render.prepare();
+    seconds.tree = started.elapsed().as_secs_f64();
+    if let Some(tree) = prepared.inputs.built_tree() {
+        progress.line(&format!(
+            "light tree: {} nodes, depth {}, {:.2} s",
+            tree.node_count(),
+            tree.depth(),
+            seconds.tree
+        ));
+    }
+
+    progress.start_bar("render");
+    let mut errors = Vec::new();
+    let mut before = 0;
+    loop {
+        let share = render.next_samples() as f64 / f64::from(job.spp);
+        let Some(pass) = render.pass(&|tile| progress.advance(tile * share)) else {
+            break;
+        };
+        progress.pass(|| {
+            format!(
+                "{} of {} samples a pixel, {:.1} s",
+                pass.spp, job.spp, pass.seconds
+            )
+        });
+        if let Some(reference) = &reference {
+            errors.push(pass_error(&render.picture(), reference, pass)?);
+        }
+        before = pass.spp;
+        if arguments
+            .max_seconds
+            .is_some_and(|limit| pass.seconds >= limit)
+        {
+            break;
+        }
+    }
+    progress.finish();
+    debug_assert_eq!(before, render.spp(), "every pass was seen");
+
+    let name = arguments.name.clone().unwrap_or_else(|| job.name.clone());
+    let started = Instant::now();
+    let picture = render.picture();
+    let exr = arguments.out.join(format!("{name}.exr"));
+    picture.write_exr(&exr, &report::attributes(job, &prepared.scene))?;
+    picture.write_png(&arguments.out.join(format!("{name}.png")), Exposure::Auto)?;
+    seconds.write = started.elapsed().as_secs_f64();
+
+    let final_error = reference
+        .map(|r| film::compare(&picture.image(), &r))
+        .transpose()?;
+    let measured = Measured {
+        seconds,
+        passes: errors,
+        final_error,
+    };
+    let json = arguments.out.join(format!("{name}.json"));
+    report::write(&json, job, &prepared, &render, &measured)?;
+    progress.line(&format!(
+        "wrote {}",
+        exr.with_extension("{exr,png,json}").display()
+    ));
+    Ok(())
+}
+
+/// Everything that is made before the first sample.
+pub(crate) struct Prepared {
+    pub(crate) scene: Scene,
+    pub(crate) tracer: Tracer,
+    pub(crate) inputs: Inputs,
+    pub(crate) virtual_lights: VirtualLightStats,
+}
+
+impl Prepared {
+    /// Loads the scene, builds its ray hierarchy and traces virtual lights where the job wants them.
+    pub(crate) fn new(
+        job: &Job,
+        seconds: &mut SetUpSeconds,
+        progress: &Progress,
+    ) -> Result<Self, CliError> {
+        let started = Instant::now();
+        let scene = scene::load::load(&job.scene)?;
+        seconds.load = started.elapsed().as_secs_f64();
+        progress.line(&format!(
+            "{}: {} triangles, {} lights, {:.2} s",
+            job.scene.display(),
+            scene.mesh.len(),
+            scene.emitters.len(),
+            seconds.load
+        ));
+        let started = Instant::now();
+        let tracer = Tracer::build(&scene);
+        seconds.bvh = started.elapsed().as_secs_f64();
+
+        let started = Instant::now();
+        let mut lights = vpl::source_lights(&scene.emitters);
+        let mut virtual_lights = VirtualLightStats::default();
+        if let LightsSpec::Virtual(spec) = job.lights {
+            virtual_lights = add_virtual_lights(job, &spec, &scene, &tracer, &mut lights);
+        }
+        seconds.lights = started.elapsed().as_secs_f64();
+        if lights.virtual_count() > 0 {
+            progress.line(&format!(
+                "{} virtual lights from {} paths, radius {:.3}, {:.2} s",
+                lights.virtual_count(),
+                virtual_lights.paths,
+                lights.radius(),
+                seconds.lights
+            ));
+        }
+        Ok(Self {
+            scene,
+            tracer,
+            inputs: Inputs::new(lights),
+            virtual_lights,
+        })
+    }
+}
+
+fn add_virtual_lights(
+    job: &Job,
+    spec: &VirtualSpec,
+    scene: &Scene,
+    tracer: &Tracer,
+    lights: &mut LightSet,
+) -> VirtualLightStats {
+    let trace = VirtualLightSpec {
+        count: spec.count.0,
+        max_bounces: spec.max_bounces.0,
+        seed: job.seed,
+    };
+    let stats = vpl::trace(scene, tracer, &trace, lights);
+    if let VirtualKind::Vsl(vsl) = spec.kind {
+        let radius = vsl.radius.map_or_else(
+            || vpl::neighbour_distance(lights, RADIUS_NEIGHBOURS),
+            |r| r.0,
+        );
+        lights.set_radius(radius);
+    }
+    stats
+}
+
+/// Refuses a job that would not fit into memory, before anything large is allocated.
+pub(crate) fn refuse_too_large(job: &Job) -> Result<(), CliError> {
+    let needed = job.memory();
+    match available_memory() {
+        Some(available) if needed > available => Err(CliError::Input(format!(
+            "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
+             lower image.width, image.height or lights.count",
+            job.name,
+            job.width,
+            job.height,
+            human(needed),
+            human(available)
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn refuse_other_size(job: &Job, reference: &Image, arguments: &RenderArgs) -> Result<(), CliError> {
+    if (reference.width, reference.height) == (job.width, job.height) {
+        return Ok(());
+    }
+    let path = arguments
+        .reference
+        .as_deref()
+        .unwrap_or(std::path::Path::new(""))
+        .display();
+    Err(CliError::Input(format!(
+        "{path}: the reference is {}x{}; expected the render's {}x{}",
+        reference.width, reference.height, job.width, job.height
+    )))
+}
+
+fn pass_error(picture: &Picture, reference: &Image, pass: Pass) -> Result<PassError, CliError> {
+    let error = film::compare_without_flip(&picture.image(), reference)?;
+    Ok(PassError {
+        spp: pass.spp,
+        seconds: pass.seconds,
+        relmse: error.relmse,
+        mse: error.mse,
+    })
+}

@@ -1,0 +1,209 @@
+//! `NAME.json` and the attributes of `NAME.exr`.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+
+use film::Metrics;
+use gather::{Plan, Render};
+use light_tree::LightKind;
+use scene::Scene;
+use serde::Serialize;
+
+use crate::error::CliError;
+use crate::job::Job;
+use crate::machine::peak_resident;
+use crate::render::Prepared;
+
+/// Seconds outside the passes.
+#[derive(Debug, Default, Clone, Copy)]
+pub(crate) struct SetUpSeconds {
+    pub(crate) load: f64,
+    pub(crate) bvh: f64,
+    pub(crate) lights: f64,
+    pub(crate) tree: f64,
+    pub(crate) write: f64,
+}
+
+/// Error against the reference after one pass.
+#[derive(Debug, Serialize)]
+pub(crate) struct PassError {
+    pub(crate) spp: u32,
+    pub(crate) seconds: f64,
+    pub(crate) relmse: f64,
+    pub(crate) mse: f64,
+}
+
+/// What the command measured beside the render itself.
+pub(crate) struct Measured {
+    pub(crate) seconds: SetUpSeconds,
+    pub(crate) passes: Vec<PassError>,
+    pub(crate) final_error: Option<Metrics>,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    version: &'static str,
+    commit: &'static str,
+    scene: String,
+    width: u32,
+    height: u32,
+    spp: u32,
+    seed: u64,
+    threads: usize,
+    method: &'static str,
+    method_settings: String,
+    seconds: BTreeMap<&'static str, f64>,
+    /// Thread seconds by phase of the render; cut, select and evaluate are sampled.
+    thread_seconds: BTreeMap<&'static str, f64>,
+    rays: BTreeMap<&'static str, u64>,
+    light_samples: u64,
+    dead_samples: u64,
+    shading_points: u64,
+    nonfinite: u64,
+    peak_rss_bytes: Option<u64>,
+    bytes: BTreeMap<&'static str, usize>,
+    lights: BTreeMap<&'static str, usize>,
+    virtual_lights: Option<VirtualLights>,
+    tree: Option<Tree>,
+    triangles: usize,
+    dropped: BTreeMap<&'static str, usize>,
+    remarks: &'a [String],
+    needs: Vec<&'static str>,
+    skipped: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<Error<'a>>,
+}
+
+#[derive(Serialize)]
+struct VirtualLights {
+    paths: u64,
+    radius: f32,
+    source_flux: [f64; 3],
+    virtual_flux: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Tree {
+    nodes: usize,
+    depth: u32,
+}
+
+#[derive(Serialize)]
+struct Error<'a> {
+    #[serde(flatten)]
+    figures: BTreeMap<&'static str, f64>,
+    passes: &'a [PassError],
+}
+
+/// Writes the report.
+pub(crate) fn write(
+    path: &Path,
+    job: &Job,
+    prepared: &Prepared,
+    render: &Render<'_>,
+    measured: &Measured,
+) -> Result<(), CliError> {
+    let counters = render.counters();
+    let phases = counters.seconds();
+    let scene = &prepared.scene;
+    let notes = &scene.notes;
+    let lights = &prepared.inputs.lights;
+    let tree = prepared.inputs.built_tree();
+    let plan = Plan::of(scene, lights, tree.is_some());
+    let seconds = measured.seconds;
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION"),
+        commit: env!("MANYLIGHT_COMMIT"),
+        scene: job.scene.display().to_string(),
+        width: job.width,
+        height: job.height,
+        spp: render.spp(),
+        seed: job.seed,
+        threads: rayon::current_num_threads(),
+        method: job.method.name(),
+        method_settings: format!("{:?}", job.method),
+        seconds: BTreeMap::from([
+            ("load", seconds.load),
+            ("bvh", seconds.bvh),
+            ("lights", seconds.lights),
+            ("tree", seconds.tree),
+            ("render", render.seconds()),
+            ("write", seconds.write),
+        ]),
+        thread_seconds: BTreeMap::from([
+            ("eye", phases.eye),
+            ("cut", phases.cut),
+            ("select", phases.select),
+            ("evaluate", phases.evaluate),
+            ("shadow", phases.shadow),
+        ]),
+        rays: BTreeMap::from([
+            ("camera", counters.camera_rays),
+            ("bounce", prepared.virtual_lights.rays),
+            ("shadow", counters.shadow_rays),
+        ]),
+        light_samples: counters.light_samples,
+        dead_samples: counters.dead_samples,
+        shading_points: counters.shading_points,
+        nonfinite: counters.nonfinite,
+        peak_rss_bytes: peak_resident(),
+        bytes: BTreeMap::from([
+            ("bvh", prepared.tracer.bytes()),
+            ("lights", lights.bytes()),
+            ("tree", tree.map_or(0, light_tree::LightTree::bytes)),
+        ]),
+        lights: BTreeMap::from([
+            ("point", lights.count(LightKind::Omni)),
+            ("directional", lights.count(LightKind::Directional)),
+            ("virtual", lights.virtual_count()),
+        ]),
+        virtual_lights: (lights.virtual_count() > 0).then(|| VirtualLights {
+            paths: prepared.virtual_lights.paths,
+            radius: lights.radius(),
+            source_flux: prepared.virtual_lights.source_flux,
+            virtual_flux: prepared.virtual_lights.virtual_flux,
+        }),
+        tree: tree.map(|t| Tree {
+            nodes: t.node_count(),
+            depth: t.depth(),
+        }),
+        triangles: scene.mesh.len(),
+        dropped: BTreeMap::from([
+            ("degenerate_triangles", notes.degenerate_triangles),
+            ("duplicate_triangles", notes.duplicate_triangles),
+            ("zero_normals", notes.zero_normals),
+            ("zero_power_lights", notes.zero_power_lights),
+        ]),
+        remarks: &notes.remarks,
+        needs: plan.needs(),
+        skipped: plan.skipped(),
+        error: measured.final_error.as_ref().map(|metrics| Error {
+            figures: metrics.fields().into_iter().collect(),
+            passes: &measured.passes,
+        }),
+    };
+    let mut text = serde_json::to_string_pretty(&report).map_err(|e| {
+        CliError::Input(format!("{}: cannot write the report: {e}", path.display()))
+    })?;
+    text.push('\n');
+    film::write_atomically(path, |file| file.write_all(text.as_bytes()))?;
+    Ok(())
+}
+
+/// What the EXR says about itself: enough to make it again.
+pub(crate) fn attributes(job: &Job, scene: &Scene) -> Vec<(String, String)> {
+    [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("commit", env!("MANYLIGHT_COMMIT").to_owned()),
+        ("scene", job.scene.display().to_string()),
+        ("camera", format!("{:?}", scene.camera)),
+        ("lights", format!("{:?}", job.lights)),
+        ("method", format!("{:?}", job.method)),
+        ("spp", job.spp.to_string()),
+        ("seed", job.seed.to_string()),
+    ]
+    .into_iter()
+    .map(|(name, value)| (name.to_owned(), value))
+    .collect()
+}

@@ -1,0 +1,143 @@
+//! What one light adds to one gather point, visibility apart.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+use light_tree::{LightId, LightKind, LightSet};
+use sampling::Rng;
+use scene::trace::Ray;
+
+use crate::point::GatherPoint;
+use crate::vsl::Subtended;
+
+/// How virtual lights shine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum VirtualShape {
+    /// As spheres of the light set's radius.
+    Sphere,
+    /// As points whose geometry term cos cos / d² is clamped to this value, in 1/scene unit².
+    ClampedPoint(f32),
+}
+
+/// Light that arrives if nothing is in the way.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Unoccluded {
+    /// Radiance toward the viewer.
+    pub(crate) radiance: Vec3,
+    /// What must be free.
+    pub(crate) shadow_ray: Ray,
+}
+
+/// Radiance that light `id` sends by way of `x` to the viewer; `None` when it is below a horizon or black.
+///
+/// `rng` is drawn from only where a virtual light has no closed form.
+pub(crate) fn unoccluded(
+    lights: &LightSet,
+    shape: VirtualShape,
+    x: &GatherPoint,
+    id: LightId,
+    rng: &mut Rng,
+) -> Option<Unoccluded> {
+    if lights.kind(id) == LightKind::Directional {
+        return parallel(lights, x, id);
+    }
+    let position = lights.position(id);
+    let offset = position - x.position;
+    // The horizon rule of the tree's bounds: the shading normal and the light's centre. A light below the
+    // geometric horizon only is dark as well: the surface itself is in the way.
+    if x.ns.dot(offset) <= 0.0 || x.ng.dot(offset) <= 0.0 {
+        return None;
+    }
+    let radiance = match lights.kind(id) {
+        LightKind::Omni => point(lights, x, id, offset),
+        LightKind::Virtual => {
+            let normal = lights.axis(id);
+            if normal.dot(offset) >= 0.0 {
+                return None;
+            }
+            match shape {
+                VirtualShape::Sphere => sphere(lights, x, id, offset, normal, rng),
+                VirtualShape::ClampedPoint(clamp) => {
+                    clamped_point(lights, x, id, offset, normal, clamp)
+                }
+            }
+        }
+        LightKind::Directional => Vec3::ZERO,
+    };
+    (radiance != Vec3::ZERO).then(|| Unoccluded {
+        radiance,
+        shadow_ray: Ray::between(x.position, position),
+    })
+}
+
+/// Inverse-square light. The caller has seen that `offset` is above both horizons, so it is not zero.
+fn point(lights: &LightSet, x: &GatherPoint, id: LightId, offset: Vec3) -> Vec3 {
+    let dist2 = offset.length_squared();
+    let wi = offset / dist2.sqrt();
+    x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * (x.ns.dot(wi) / dist2)
+}
+
+fn clamped_point(
+    lights: &LightSet,
+    x: &GatherPoint,
+    id: LightId,
+    offset: Vec3,
+    normal: Vec3,
+    clamp: f32,
+) -> Vec3 {
+    let dist2 = offset.length_squared();
+    let wi = offset / dist2.sqrt();
+    let geometry = (x.ns.dot(wi) * -normal.dot(wi) / dist2).min(clamp);
+    x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * geometry
+}
+
+fn sphere(
+    lights: &LightSet,
+    x: &GatherPoint,
+    id: LightId,
+    offset: Vec3,
+    normal: Vec3,
+    rng: &mut Rng,
+) -> Vec3 {
+    let cone = Subtended::new(offset, lights.radius(), x.ns);
+    let toward = -normal;
+    let (cos_x, cos_light) = (x.ns.dot(cone.axis), toward.dot(cone.axis));
+    let closed = cone.is_above(cos_x) && cone.is_above(cos_light);
+    let mut reflected = Vec3::ZERO;
+    if closed {
+        reflected +=
+            x.brdf.diffuse * FRAC_1_PI * cone.cosine_integral(x.ns, toward, cos_x, cos_light);
+    }
+    if !closed || x.brdf.is_glossy() {
+        let wi = cone.sample([rng.f32(), rng.f32()]);
+        let cosines = x.ns.dot(wi).max(0.0) * toward.dot(wi).max(0.0);
+        if cosines > 0.0 {
+            let brdf = if closed {
+                x.brdf.eval_specular(x.ns, x.wo, wi)
+            } else {
+                x.brdf.eval(x.ns, x.wo, wi)
+            };
+            reflected += brdf * (cosines * cone.spread());
+        }
+    }
+    lights.intensity(id) * reflected
+}
+
+/// Parallel light: no attenuation, the shadow ray leaves the scene.
+fn parallel(lights: &LightSet, x: &GatherPoint, id: LightId) -> Option<Unoccluded> {
+    let wi = -lights.axis(id);
+    let cos = x.ns.dot(wi);
+    if cos <= 0.0 || x.ng.dot(wi) <= 0.0 {
+        return None;
+    }
+    let radiance = x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * cos;
+    let shadow_ray = Ray {
+        origin: x.position,
+        direction: wi,
+        t_max: f32::INFINITY,
+    };
+    (radiance != Vec3::ZERO).then_some(Unoccluded {
+        radiance,
+        shadow_ray,
+    })
+}

@@ -1,0 +1,97 @@
+//! The methods, one a file, and the list of them.
+
+mod all_lights;
+mod stochastic_lightcuts;
+
+use sampling::Rng;
+use serde::de::DeserializeOwned;
+
+use crate::Inputs;
+use crate::point::GatherPoint;
+use crate::shadow_queue::LightEval;
+
+pub use all_lights::AllLights;
+pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
+
+/// A way to estimate the light of many lights at a point with few evaluations.
+pub trait Method<'a>: Sized + Sync {
+    /// Its fields in a run file; all have defaults.
+    type Spec: DeserializeOwned + Default + Clone;
+    /// Memory kept from point to point.
+    type Scratch: Default + Send;
+
+    /// Builds what the method needs for a render: no tree is built unless a method asks for it.
+    fn prepare(spec: &Self::Spec, inputs: &'a Inputs) -> Self;
+
+    /// Whether the expected value is that of [`AllLights`].
+    fn is_unbiased(&self) -> bool;
+
+    /// Adds the light of all lights at `x`, or an estimate of it.
+    fn point<E: LightEval>(
+        &self,
+        x: &GatherPoint,
+        eval: &mut E,
+        rng: &mut Rng,
+        scratch: &mut Self::Scratch,
+    );
+}
+
+/// Calls a closure-like block with the method that a spec names: the choice is made once a render.
+pub(crate) trait Visitor {
+    /// What the visit gives.
+    type Output;
+    /// Visits the chosen method.
+    fn visit<'a, M: Method<'a>>(self, method: M) -> Self::Output;
+}
+
+/// The list: a file with a [`Method`] and a line here is all that a new method needs.
+macro_rules! methods {
+    ($($variant:ident($type:ident, $spec:ty, $name:literal)),+ $(,)?) => {
+        /// A method and its settings, as a run file gives them.
+        #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+        pub enum MethodSpec {
+            $(
+                #[doc = concat!("`--method ", $name, "`; see [`", stringify!($type), "`].")]
+                $variant($spec),
+            )+
+        }
+
+        impl MethodSpec {
+            /// Every method with its default settings.
+            pub fn all() -> Vec<Self> {
+                vec![$(Self::$variant(<$spec>::default())),+]
+            }
+
+            /// Names of the variants in a run file.
+            pub const VARIANTS: &'static [&'static str] = &[$(stringify!($variant)),+];
+
+            /// The name of the variant in a run file.
+            pub fn variant(&self) -> &'static str {
+                match self { $(Self::$variant(_) => stringify!($variant)),+ }
+            }
+
+            /// The name on the command line.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name),+ }
+            }
+
+            pub(crate) fn visit<V: Visitor>(&self, inputs: &Inputs, visitor: V) -> V::Output {
+                match self { $(Self::$variant(spec) => visitor.visit($type::prepare(spec, inputs))),+ }
+            }
+        }
+    };
+}
+
+methods! {
+    AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
+    StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
+}
+
+impl Default for MethodSpec {
+    fn default() -> Self {
+        Self::StochasticLightcuts(StochasticLightcutsSpec::default())
+    }
+}
+
+#[cfg(test)]
+mod conformance;

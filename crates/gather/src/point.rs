@@ -1,0 +1,43 @@
+//! The point that is lit.
+
+use glam::Vec3;
+use light_tree::Receiver;
+use scene::{Brdf, Surface};
+
+/// A point of an eye path where light is gathered.
+#[derive(Debug, Clone, Copy)]
+pub struct GatherPoint {
+    /// On the viewer's side of the surface, moved off it: shadow rays start here.
+    pub position: Vec3,
+    /// Unit geometric normal on the viewer's side.
+    pub ng: Vec3,
+    /// Unit shading normal on the viewer's side.
+    pub ns: Vec3,
+    /// Unit direction to the viewer.
+    pub wo: Vec3,
+    /// Reflection at the point.
+    pub brdf: Brdf,
+    /// What a unit of radiance leaving the point toward the viewer adds to the pixel sample.
+    pub strength: Vec3,
+    /// Pixel sample that the point belongs to, an index the renderer gives.
+    pub slot: u32,
+    /// The point as a light tree sees it.
+    pub receiver: Receiver,
+}
+
+impl GatherPoint {
+    /// The point at `surface`, seen along `-wo`.
+    pub fn new(surface: &Surface, wo: Vec3, strength: Vec3, slot: u32) -> Self {
+        let position = surface.ray_origin();
+        Self {
+            position,
+            ng: surface.ng,
+            ns: surface.ns,
+            wo,
+            brdf: surface.brdf,
+            strength,
+            slot,
+            receiver: Receiver::new(position, surface.ns),
+        }
+    }
+}

@@ -1,0 +1,463 @@
+//! The tile loop.
+
+use std::time::Instant;
+
+use film::{Picture, PixelStats};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use sampling::{Purpose, Rng};
+use scene::trace::{Ray, Tracer};
+use scene::{Camera, Scene};
+
+use crate::Inputs;
+use crate::contribution::VirtualShape;
+use crate::method::{Method, MethodSpec, Visitor};
+use crate::point::GatherPoint;
+use crate::shadow_queue::{QueueScratch, ShadowQueue};
+
+/// What is rendered and how, apart from scene and lights.
+#[derive(Debug, Clone)]
+pub struct RenderSpec {
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+    /// Samples a pixel, at least 1.
+    pub spp: u32,
+    /// Seed of eye paths and light choices.
+    pub seed: u64,
+    /// How virtual lights shine.
+    pub shape: VirtualShape,
+    /// Which part of the picture; all of it by default.
+    pub shard: Shard,
+}
+
+/// Part `index` of `count`, from 0: every `count`-th tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// From 0, below `count`.
+    pub index: u32,
+    /// At least 1.
+    pub count: u32,
+}
+
+impl Shard {
+    /// The whole picture.
+    pub const ALL: Self = Self { index: 0, count: 1 };
+}
+
+/// Where time goes while rendering.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Shadow rays. Measured in full.
+    Trace,
+    /// Choosing the clusters. This and the next two are measured at one point in 64.
+    Cut,
+    /// Choosing a light in each cluster.
+    Select,
+    /// Evaluating the chosen lights, visibility apart.
+    Evaluate,
+    /// Eye paths. Measured in full.
+    Eye,
+}
+
+/// Number of [`Phase`]s.
+const PHASES: usize = 5;
+
+/// Sums over a render; whole numbers, so that the order of adding up does not matter.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Rays from the camera.
+    pub camera_rays: u64,
+    /// Shadow rays.
+    pub shadow_rays: u64,
+    /// Lights evaluated.
+    pub light_samples: u64,
+    /// Light samples that ended in a branch that cannot light the point.
+    pub dead_samples: u64,
+    /// Gather points.
+    pub shading_points: u64,
+    /// Samples refused because a number in them was not finite.
+    pub nonfinite: u64,
+    pub(crate) nanoseconds: [u64; PHASES],
+}
+
+/// Thread time by phase, seconds summed over threads.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Seconds {
+    /// Eye paths.
+    pub eye: f64,
+    /// Choosing clusters.
+    pub cut: f64,
+    /// Choosing lights in clusters.
+    pub select: f64,
+    /// Evaluating lights.
+    pub evaluate: f64,
+    /// Tracing shadow rays.
+    pub shadow: f64,
+}
+
+impl Counters {
+    fn merge(&mut self, other: &Self) {
+        self.camera_rays += other.camera_rays;
+        self.shadow_rays += other.shadow_rays;
+        self.light_samples += other.light_samples;
+        self.dead_samples += other.dead_samples;
+        self.shading_points += other.shading_points;
+        self.nonfinite += other.nonfinite;
+        for (sum, n) in self.nanoseconds.iter_mut().zip(other.nanoseconds) {
+            *sum += n;
+        }
+    }
+
+    /// Thread time by phase; estimates, see [`Phase`].
+    pub fn seconds(&self) -> Seconds {
+        let of = |phase: Phase| self.nanoseconds[phase as usize] as f64 * 1e-9;
+        Seconds {
+            eye: of(Phase::Eye),
+            cut: of(Phase::Cut),
+            select: of(Phase::Select),
+            evaluate: of(Phase::Evaluate),
+            shadow: of(Phase::Trace),
+        }
+    }
+}
+
+/// Tile edge in pixels.
+const TILE: u32 = 16;
+
+/// A tile of the film.
+#[derive(Debug, Clone)]
+struct Tile {
+    x: u32,
+    y: u32,
+    width: u32,
+    pixels: Vec<PixelStats>,
+    features: Vec<Features>,
+    counters: Counters,
+}
+
+/// Sums of what the first hit looks like.
+#[derive(Debug, Clone, Copy, Default)]
+struct Features {
+    albedo: DVec3,
+    normal: DVec3,
+    depth: f64,
+    hits: u32,
+}
+
+/// A finished pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pass {
+    /// Samples a pixel so far.
+    pub spp: u32,
+    /// Seconds of rendering so far, without what the caller does between passes.
+    pub seconds: f64,
+}
+
+/// A render under way: passes are made one after the other, each adding samples to every pixel.
+///
+/// Each sample is a function of (seed, pixel, sample number) alone and pixels are summed in sample order, so
+/// that bits depend neither on threads nor on how samples are split into passes.
+pub struct Render<'a> {
+    scene: &'a Scene,
+    tracer: &'a Tracer,
+    inputs: &'a Inputs,
+    method: &'a MethodSpec,
+    spec: RenderSpec,
+    camera: Camera,
+    tiles: Vec<Tile>,
+    done: u32,
+    seconds: f64,
+}
+
+impl<'a> Render<'a> {
+    /// A render of which nothing is done yet.
+    ///
+    /// # Panics
+    /// When the size or the number of samples is 0, or the shard is out of range.
+    pub fn new(
+        scene: &'a Scene,
+        tracer: &'a Tracer,
+        inputs: &'a Inputs,
+        method: &'a MethodSpec,
+        spec: RenderSpec,
+    ) -> Self {
+        assert!(
+            spec.width > 0 && spec.height > 0 && spec.spp > 0,
+            "an empty render: {spec:?}"
+        );
+        assert!(
+            spec.shard.index < spec.shard.count,
+            "shard {:?}",
+            spec.shard
+        );
+        let mut tiles = Vec::new();
+        let columns = spec.width.div_ceil(TILE);
+        for n in 0..columns * spec.height.div_ceil(TILE) {
+            // Neighbouring tiles go to different shards, so that all take about equal time.
+            if n % spec.shard.count != spec.shard.index {
+                continue;
+            }
+            let (x, y) = (n % columns * TILE, n / columns * TILE);
+            let (width, height) = (TILE.min(spec.width - x), TILE.min(spec.height - y));
+            let pixels = (width * height) as usize;
+            tiles.push(Tile {
+                x,
+                y,
+                width,
+                pixels: vec![PixelStats::default(); pixels],
+                features: vec![Features::default(); pixels],
+                counters: Counters::default(),
+            });
+        }
+        let camera = Camera::new(&scene.camera, spec.width, spec.height);
+        Self {
+            scene,
+            tracer,
+            inputs,
+            method,
+            spec,
+            camera,
+            tiles,
+            done: 0,
+            seconds: 0.0,
+        }
+    }
+
+    /// Makes the next pass and says how far the render is; `None` when all samples are done.
+    ///
+    /// `tile_done` is called from many threads after each tile, with the share of the pass that it was.
+    pub fn pass(&mut self, tile_done: &(impl Fn(f64) + Sync)) -> Option<Pass> {
+        let samples = self.next_samples();
+        if samples == 0 {
+            return None;
+        }
+        let started = Instant::now();
+        self.method.visit(
+            self.inputs,
+            PassOf {
+                scene: self.scene,
+                tracer: self.tracer,
+                inputs: self.inputs,
+                spec: &self.spec,
+                camera: &self.camera,
+                tiles: &mut self.tiles,
+                samples: self.done..self.done + samples,
+                tile_done,
+            },
+        );
+        self.done += samples;
+        self.seconds += started.elapsed().as_secs_f64();
+        Some(Pass {
+            spp: self.done,
+            seconds: self.seconds,
+        })
+    }
+
+    /// Builds what the method needs, such as a light tree, unless that is there already.
+    pub fn prepare(&self) {
+        self.method.visit(self.inputs, Preparation);
+    }
+
+    /// Samples a pixel that the next pass makes; 0 when the render is done.
+    ///
+    /// Passes grow from 1 to 16: a first picture soon, little overhead later.
+    pub fn next_samples(&self) -> u32 {
+        self.done.clamp(1, 16).min(self.spec.spp - self.done)
+    }
+
+    /// Samples a pixel so far.
+    pub fn spp(&self) -> u32 {
+        self.done
+    }
+
+    /// Seconds of rendering so far.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Sums over the tiles.
+    pub fn counters(&self) -> Counters {
+        let mut all = Counters::default();
+        for tile in &self.tiles {
+            all.merge(&tile.counters);
+        }
+        all
+    }
+
+    /// The picture so far; pixels of other shards are empty.
+    pub fn picture(&self) -> Picture {
+        let mut picture = Picture::new(self.spec.width, self.spec.height);
+        for tile in &self.tiles {
+            for (i, (pixel, features)) in tile.pixels.iter().zip(&tile.features).enumerate() {
+                let (x, y) = (
+                    tile.x + i as u32 % tile.width,
+                    tile.y + i as u32 / tile.width,
+                );
+                let at = y as usize * self.spec.width as usize + x as usize;
+                picture.radiance[at] = pixel.mean();
+                picture.variance[at] = pixel.variance_of_mean();
+                picture.samples[at] = pixel.count();
+                if self.done > 0 {
+                    picture.albedo[at] = (features.albedo / f64::from(self.done)).as_vec3();
+                    picture.normal[at] = (features.normal / f64::from(self.done)).as_vec3();
+                }
+                if features.hits > 0 {
+                    picture.depth[at] = (features.depth / f64::from(features.hits)) as f32;
+                }
+            }
+        }
+        picture
+    }
+}
+
+/// Makes a method and drops it: what it shares with later ones stays.
+struct Preparation;
+
+impl Visitor for Preparation {
+    type Output = ();
+
+    fn visit<'m, M: Method<'m>>(self, _: M) {}
+}
+
+/// A pass with the method still to be filled in.
+struct PassOf<'a, F> {
+    scene: &'a Scene,
+    tracer: &'a Tracer,
+    inputs: &'a Inputs,
+    spec: &'a RenderSpec,
+    camera: &'a Camera,
+    tiles: &'a mut [Tile],
+    samples: std::ops::Range<u32>,
+    tile_done: &'a F,
+}
+
+/// Memory of one thread.
+#[derive(Default)]
+struct Scratch<S> {
+    queue: QueueScratch,
+    points: Vec<GatherPoint>,
+    method: S,
+}
+
+impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
+    type Output = ();
+
+    fn visit<'m, M: Method<'m>>(mut self, method: M) {
+        let share = 1.0 / self.tiles.len().max(1) as f64;
+        let tiles = std::mem::take(&mut self.tiles);
+        tiles.par_iter_mut().with_max_len(1).for_each_init(
+            Scratch::<M::Scratch>::default,
+            |scratch, tile| {
+                self.tile(&method, tile, scratch);
+                (self.tile_done)(share);
+            },
+        );
+    }
+}
+
+impl<F> PassOf<'_, F> {
+    fn tile<'m, M: Method<'m>>(
+        &self,
+        method: &M,
+        tile: &mut Tile,
+        scratch: &mut Scratch<M::Scratch>,
+    ) {
+        let samples = self.samples.len();
+        let started = Instant::now();
+        scratch.points.clear();
+        for i in 0..tile.pixels.len() {
+            for sample in self.samples.clone() {
+                let slot = i * samples + (sample - self.samples.start) as usize;
+                self.eye_path(tile, i, sample, slot as u32, &mut scratch.points);
+            }
+        }
+        let eye = started.elapsed();
+
+        let slots = tile.pixels.len() * samples;
+        let lights = &self.inputs.lights;
+        let mut queue = ShadowQueue::new(
+            lights,
+            self.tracer,
+            self.spec.shape,
+            slots,
+            &mut scratch.queue,
+        );
+        for x in &scratch.points {
+            let (i, sample) = (
+                x.slot as usize / samples,
+                self.samples.start + x.slot % samples as u32,
+            );
+            let pixel = self.pixel_index(tile, i);
+            let stream = |purpose| Rng::new(self.spec.seed, pixel, u64::from(sample), purpose);
+            queue.begin_point(stream(Purpose::LightSurface));
+            method.point(
+                x,
+                &mut queue,
+                &mut stream(Purpose::Lights),
+                &mut scratch.method,
+            );
+            queue.end_point();
+        }
+        let (counters, sums) = queue.finish();
+        for (pixel, sums) in tile.pixels.iter_mut().zip(sums.chunks_exact(samples)) {
+            for sum in sums {
+                if !pixel.add(sum.as_vec3()) {
+                    tile.counters.nonfinite += 1;
+                }
+            }
+        }
+        tile.counters.merge(&counters);
+        tile.counters.camera_rays += slots as u64;
+        tile.counters.nanoseconds[Phase::Eye as usize] += eye.as_nanos() as u64;
+    }
+
+    /// Number of the tile's `i`-th pixel in the whole picture.
+    fn pixel_index(&self, tile: &Tile, i: usize) -> u64 {
+        let (x, y) = (
+            tile.x + i as u32 % tile.width,
+            tile.y + i as u32 / tile.width,
+        );
+        u64::from(y) * u64::from(self.spec.width) + u64::from(x)
+    }
+
+    /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
+    fn eye_path(
+        &self,
+        tile: &mut Tile,
+        i: usize,
+        sample: u32,
+        slot: u32,
+        points: &mut Vec<GatherPoint>,
+    ) {
+        let (x, y) = (
+            tile.x + i as u32 % tile.width,
+            tile.y + i as u32 / tile.width,
+        );
+        let mut rng = Rng::new(
+            self.spec.seed,
+            self.pixel_index(tile, i),
+            u64::from(sample),
+            Purpose::Eye,
+        );
+        let direction = self
+            .camera
+            .direction(x as f32 + rng.f32(), y as f32 + rng.f32());
+        let ray = Ray {
+            origin: self.camera.origin(),
+            direction,
+            t_max: f32::INFINITY,
+        };
+        let Some(hit) = self.tracer.closest(&ray) else {
+            return;
+        };
+        let surface = self.scene.surface(&hit, direction);
+        let features = &mut tile.features[i];
+        features.albedo += surface.brdf.albedo_bound().as_dvec3();
+        features.normal += surface.ns.as_dvec3();
+        features.depth += f64::from(hit.t);
+        features.hits += 1;
+        points.push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
+    }
+}

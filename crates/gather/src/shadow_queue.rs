@@ -1,0 +1,218 @@
+//! The one door between methods and light: evaluation, now or in batches.
+
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec3};
+use light_tree::{LightId, LightSet};
+use sampling::Rng;
+use scene::trace::{OcclusionScratch, Ray, Tracer};
+
+use crate::contribution::{VirtualShape, unoccluded};
+use crate::point::GatherPoint;
+use crate::render::{Counters, Phase};
+
+/// What a method may ask of the renderer.
+///
+/// A stochastic method need not know whether its lights are visible: it [`add`](Self::add)s them and the
+/// renderer traces the shadow rays of many points together, several times faster than one by one. A method
+/// that refines on what it sees asks for [`radiance`](Self::radiance) at once.
+pub trait LightEval {
+    /// Adds `scale` times what light `id` sends by way of `x` to the pixel sample of `x`. `scale` is 1 over
+    /// the probability of having chosen the light.
+    fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64);
+
+    /// Radiance that light `id` sends by way of `x` toward the viewer, visibility included, at once.
+    fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
+
+    /// Adds radiance that the method worked out itself, to the pixel sample of `x`.
+    fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3);
+
+    /// Says that the time since the last mark was spent on `phase`.
+    fn mark(&mut self, _phase: Phase) {}
+
+    /// Says that a branch of the light tree was found dead: the sample is worth nothing.
+    fn count_dead(&mut self) {}
+}
+
+/// A shadow ray's passenger.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    value: Vec3,
+    slot: u32,
+}
+
+/// Rays traced together. Enough to keep the tracer's lanes full, few enough to stay in the nearest cache.
+const BATCH: usize = 1024;
+/// One point in so many is timed: reading the clock at each would cost more than some of what it measures.
+const TIMED: u32 = 64;
+
+/// Collects shadow rays with the light they carry, traces them in batches, and adds what arrives to the
+/// sums of a tile's pixel samples. Sums are made in the order in which light was added, so that bits
+/// depend on nothing but that order.
+pub struct ShadowQueue<'a> {
+    lights: &'a LightSet,
+    tracer: &'a Tracer,
+    shape: VirtualShape,
+    scratch: &'a mut QueueScratch,
+    /// Statistics of the tile.
+    pub counters: Counters,
+    /// Numbers for points on lights, of the pixel sample under way.
+    rng: Rng,
+    until_timed: u32,
+    mark: Option<Instant>,
+}
+
+/// Memory of a [`ShadowQueue`], kept between tiles.
+#[derive(Debug, Default)]
+pub struct QueueScratch {
+    rays: Vec<Ray>,
+    pending: Vec<Pending>,
+    occluded: Vec<bool>,
+    sums: Vec<DVec3>,
+    occlusion: OcclusionScratch,
+}
+
+impl<'a> ShadowQueue<'a> {
+    /// An empty queue for a tile of `slots` pixel samples.
+    pub fn new(
+        lights: &'a LightSet,
+        tracer: &'a Tracer,
+        shape: VirtualShape,
+        slots: usize,
+        scratch: &'a mut QueueScratch,
+    ) -> Self {
+        scratch.sums.clear();
+        scratch.sums.resize(slots, DVec3::ZERO);
+        let rng = Rng::new(0, 0, 0, sampling::Purpose::LightSurface);
+        Self {
+            lights,
+            tracer,
+            shape,
+            scratch,
+            counters: Counters::default(),
+            rng,
+            until_timed: 0,
+            mark: None,
+        }
+    }
+
+    /// Begins a gather point: `rng` serves points on lights.
+    pub fn begin_point(&mut self, rng: Rng) {
+        self.rng = rng;
+        self.counters.shading_points += 1;
+        self.mark = None;
+        if self.until_timed == 0 {
+            self.until_timed = TIMED;
+            self.mark = Some(Instant::now());
+        }
+        self.until_timed -= 1;
+    }
+
+    /// Ends a gather point.
+    pub fn end_point(&mut self) {
+        self.mark(Phase::Evaluate);
+        self.mark = None;
+        if self.scratch.rays.len() >= BATCH {
+            self.flush();
+        }
+    }
+
+    /// Traces what is waiting and returns the sums of all pixel samples.
+    pub fn finish(mut self) -> (Counters, &'a [DVec3]) {
+        self.flush();
+        (self.counters, &self.scratch.sums)
+    }
+
+    fn flush(&mut self) {
+        let started = Instant::now();
+        let scratch = &mut *self.scratch;
+        scratch.occluded.resize(scratch.rays.len(), false);
+        self.tracer
+            .occluded(&scratch.rays, &mut scratch.occluded, &mut scratch.occlusion);
+        for (pending, _) in scratch
+            .pending
+            .iter()
+            .zip(&scratch.occluded)
+            .filter(|(_, occluded)| !**occluded)
+        {
+            scratch.sums[pending.slot as usize] += pending.value.as_dvec3();
+        }
+        self.counters.shadow_rays += scratch.rays.len() as u64;
+        scratch.rays.clear();
+        scratch.pending.clear();
+        self.counters.time(Phase::Trace, started.elapsed());
+    }
+}
+
+impl LightEval for ShadowQueue<'_> {
+    #[inline]
+    fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64) {
+        self.counters.light_samples += 1;
+        let Some(light) = unoccluded(self.lights, self.shape, x, id, &mut self.rng) else {
+            return;
+        };
+        // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.
+        let value = ((light.radiance * x.strength).as_dvec3() * scale).as_vec3();
+        if !value.is_finite() {
+            self.counters.nonfinite += 1;
+            return;
+        }
+        if value == Vec3::ZERO {
+            return;
+        }
+        self.scratch.rays.push(light.shadow_ray);
+        self.scratch.pending.push(Pending {
+            value,
+            slot: x.slot,
+        });
+        // A method may add a million lights at one point.
+        if self.scratch.rays.len() >= 4 * BATCH {
+            self.flush();
+        }
+    }
+
+    fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {
+        self.counters.light_samples += 1;
+        let Some(light) = unoccluded(self.lights, self.shape, x, id, &mut self.rng) else {
+            return Vec3::ZERO;
+        };
+        if !light.radiance.is_finite() {
+            self.counters.nonfinite += 1;
+            return Vec3::ZERO;
+        }
+        self.counters.shadow_rays += 1;
+        if self.tracer.is_occluded(&light.shadow_ray) {
+            Vec3::ZERO
+        } else {
+            light.radiance
+        }
+    }
+
+    fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3) {
+        let value = radiance * x.strength.as_dvec3();
+        if value.is_finite() {
+            self.scratch.sums[x.slot as usize] += value;
+        } else {
+            self.counters.nonfinite += 1;
+        }
+    }
+
+    #[inline]
+    fn mark(&mut self, phase: Phase) {
+        if let Some(since) = self.mark {
+            let now = Instant::now();
+            self.counters.time(phase, (now - since) * TIMED);
+            self.mark = Some(now);
+        }
+    }
+
+    fn count_dead(&mut self) {
+        self.counters.dead_samples += 1;
+    }
+}
+
+impl Counters {
+    fn time(&mut self, phase: Phase, spent: Duration) {
+        self.nanoseconds[phase as usize] += spent.as_nanos() as u64;
+    }
+}
