@@ -4,12 +4,15 @@
 //! - [`Picture`] is a finished render with its layers; it is written as one EXR and one PNG, and
 //!   shards of a render are joined with [`Picture::merge`].
 //! - [`Image`] is only colours: what [`read_image`] takes from anybody's EXR for a comparison.
+//! - [`compare`] gives error figures, FLIP among them.
 //! - [`write_atomically`] is the one door through which files leave: whole or not at all.
 
 mod atomic;
 mod error;
 mod exr;
 mod film;
+mod flip;
+mod metrics;
 mod picture;
 mod png;
 
@@ -17,5 +20,7 @@ pub use crate::exr::{Image, read_image};
 pub use atomic::write_atomically;
 pub use error::FilmError;
 pub use film::PixelStats;
+pub use flip::{PIXELS_PER_DEGREE, flip_map};
+pub use metrics::{Metrics, compare, compare_without_flip};
 pub use picture::Picture;
 pub use png::{Exposure, auto_exposure, tone_map, write_rgb8};
