@@ -1,1 +1,0 @@
-//! Reading `scene.ron`, OBJ, MTL and textures.

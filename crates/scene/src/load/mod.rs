@@ -1,0 +1,233 @@
+//! Reading `scene.ron`, OBJ, MTL, textures and files of lights.
+//!
+//! Scene files are untrusted: every number is checked, nothing panics, and names in files cannot leave the
+//! scene's folder. What is dropped is counted in [`LoadNotes`].
+
+mod lights;
+mod mtl;
+mod obj;
+mod obj_check;
+mod scene_file;
+mod source;
+mod texture;
+mod weed;
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::{LoadNotes, Material, Mesh, Scene, SceneError, TextureId};
+use scene_file::SceneFile;
+use source::Source;
+pub use source::expand;
+
+/// What geometry files add to.
+#[derive(Debug, Default)]
+struct Parts {
+    mesh: Mesh,
+    materials: Vec<Material>,
+    /// Indexed by [`TextureId`].
+    textures: Vec<texture::Wanted>,
+    notes: LoadNotes,
+}
+
+/// Reads a scene. `path` names a `scene.ron` and may begin with an environment variable
+/// (`$MANYLIGHT_SCENES/sibenik/scene.ron`).
+///
+/// A scene without triangles or without lights is legal, and black.
+///
+/// # Errors
+///
+/// When a file is missing or holds anything that cannot be rendered as it says; see [`SceneError`].
+pub fn load(path: &Path) -> Result<Scene, SceneError> {
+    let path = match path.to_str() {
+        Some(text) => expand(text)?,
+        None => path.to_owned(),
+    };
+    let shown = path.display().to_string();
+    let bytes = std::fs::read(&path).map_err(|source| SceneError::Io {
+        path: shown.clone(),
+        source,
+    })?;
+    let text = ron_file::text(&shown, &bytes)?;
+    let file: SceneFile = ron_file::parse(&shown, text, &[], &["Environment"])?;
+    let here = SceneText {
+        shown: &shown,
+        text,
+        folder: Source::Disk(path.parent().unwrap_or(Path::new("")).to_owned()),
+        built_in: RefCell::default(),
+    };
+
+    let mut parts = Parts {
+        materials: vec![Material::default()],
+        ..Parts::default()
+    };
+    for (i, name) in file.geometry.iter().enumerate() {
+        let field = format!("geometry[{i}]");
+        let (source, name) = here.resolve(&field, name)?;
+        let is_obj = name.to_ascii_lowercase().ends_with(".obj");
+        if !is_obj {
+            let message =
+                format!("{name}: geometry of this kind is not supported yet; expected .obj");
+            return Err(here.error(&field, message));
+        }
+        let bytes = source.read(&name);
+        let bytes = bytes.map_err(|e| here.error(&field, unreadable(&source, &name, &e)))?;
+        obj::read(&mut parts, &source, &name, &bytes)?;
+    }
+    let emitters = lights::read(&file.lights, &here, &mut parts.notes)?;
+    let textures: Vec<_> = parts
+        .textures
+        .par_iter()
+        .map(texture::Wanted::load)
+        .collect();
+    let textures = textures.into_iter().collect::<Result<_, _>>()?;
+
+    let Parts {
+        mut mesh,
+        materials,
+        mut notes,
+        ..
+    } = parts;
+    weed::weed(&mut mesh, &mut notes);
+    if mesh.is_empty() {
+        let message = "the scene has no triangles: every picture of it is black";
+        notes.remarks.push(message.to_owned());
+    }
+    notes.ignored_emissive_materials = emissive_in_use(&mesh, &materials);
+    Ok(Scene {
+        mesh,
+        materials,
+        textures,
+        emitters,
+        camera: file.camera.0,
+        metres_per_unit: file.metres_per_unit.0,
+        notes,
+    })
+}
+
+/// Emissive materials that some triangle has.
+fn emissive_in_use(mesh: &Mesh, materials: &[Material]) -> usize {
+    let mut used = vec![false; materials.len()];
+    for id in &mesh.materials {
+        used[id.0 as usize] = true;
+    }
+    let emits = |m: &Material| m.emission.max_element() > 0.0;
+    let in_use = materials.iter().zip(used);
+    in_use
+        .filter(|(material, used)| *used && emits(material))
+        .count()
+}
+
+/// The text of `scene.ron`, for names and for errors found after it was read.
+struct SceneText<'a> {
+    shown: &'a str,
+    text: &'a str,
+    folder: Source,
+    /// Built-in scenes in use: making one takes time.
+    built_in: RefCell<BTreeMap<String, Source>>,
+}
+
+impl SceneText<'_> {
+    /// An error about the value of `field`.
+    fn error(&self, field: &str, message: impl AsRef<str>) -> SceneError {
+        let place = ron_file::place(self.text, field);
+        let place = place.unwrap_or(ron_file::Place { line: 1, column: 1 });
+        SceneError::Ron(ron_file::RonError::File {
+            file: self.shown.to_owned(),
+            line: place.line,
+            column: place.column,
+            message: format!("{field}: {}", message.as_ref()),
+        })
+    }
+
+    fn built_in(&self, scene: &str) -> Result<Source, String> {
+        let mut known = self.built_in.borrow_mut();
+        if let Some(source) = known.get(scene) {
+            return Ok(source.clone());
+        }
+        let source = Source::built_in(scene)?;
+        known.insert(scene.to_owned(), source.clone());
+        Ok(source)
+    }
+
+    /// The source of a file that `field` names, and the file's name there.
+    ///
+    /// `a/b.obj` is relative to `scene.ron`; `builtin:nave/scene.obj` is built in; a name that begins with
+    /// an environment variable brings its own folder.
+    fn resolve(&self, field: &str, name: &str) -> Result<(Source, String), SceneError> {
+        if let Some(built_in) = name.strip_prefix("builtin:") {
+            let (scene, file) = built_in.split_once('/').unwrap_or((built_in, ""));
+            let source = self.built_in(scene).map_err(|m| self.error(field, m))?;
+            let file = source::join("", file).map_err(|m| self.error(field, m))?;
+            return Ok((source, file));
+        }
+        if name.starts_with('$') {
+            let path = expand(name).map_err(|e| self.error(field, e.to_string()))?;
+            let file = path.file_name().and_then(|file| file.to_str());
+            let file = file.ok_or_else(|| self.error(field, format!("`{name}` names no file")))?;
+            let folder = path.parent().unwrap_or(Path::new(""));
+            return Ok((Source::Disk(folder.to_owned()), file.to_owned()));
+        }
+        let file = source::join("scene.ron", name).map_err(|m| self.error(field, m))?;
+        Ok((self.folder.clone(), file))
+    }
+}
+
+/// A message for a file that could not be read.
+fn unreadable(source: &Source, name: &str, error: &std::io::Error) -> String {
+    format!("{}: {error}", source.shown(name))
+}
+
+/// The text in a file's bytes; bytes that are not UTF-8 (old files with accents in comments) are replaced,
+/// with a remark.
+fn lenient_text(shown: &str, bytes: &[u8], notes: &mut LoadNotes) -> Result<String, SceneError> {
+    if bytes.contains(&0) {
+        let message = "the file has zero bytes; expected a text file in UTF-8 or ASCII";
+        return Err(SceneError::file(shown, message));
+    }
+    let text = String::from_utf8_lossy(bytes);
+    if matches!(text, std::borrow::Cow::Owned(_)) {
+        let remark = format!("{shown}: some bytes are not UTF-8 and were replaced by \u{FFFD}");
+        notes.remarks.push(remark);
+    }
+    Ok(text.trim_start_matches('\u{FEFF}').to_owned())
+}
+
+/// The logical lines of OBJ and MTL text with the number of their first line: a line that ends in `\` goes
+/// on in the next one.
+fn lines<'a>(text: &'a str) -> impl Iterator<Item = (usize, std::borrow::Cow<'a, str>)> {
+    use std::borrow::Cow;
+    let mut physical = text.lines().enumerate();
+    std::iter::from_fn(move || {
+        let (number, first) = physical.next()?;
+        let Some(start) = first.strip_suffix('\\') else {
+            return Some((number + 1, Cow::Borrowed(first)));
+        };
+        let mut whole = start.to_owned();
+        for (_, next) in physical.by_ref() {
+            whole.push(' ');
+            match next.strip_suffix('\\') {
+                Some(part) => whole.push_str(part),
+                None => {
+                    whole.push_str(next);
+                    break;
+                }
+            }
+        }
+        Some((number + 1, Cow::Owned(whole)))
+    })
+}
+
+/// Where a texture is in `textures`, adding it when it is new.
+fn texture_id(textures: &mut Vec<texture::Wanted>, wanted: texture::Wanted) -> TextureId {
+    let same = |other: &texture::Wanted| other.shown == wanted.shown;
+    let at = textures.iter().position(same).unwrap_or_else(|| {
+        textures.push(wanted);
+        textures.len() - 1
+    });
+    // MTL files are read whole into memory: they cannot name 2³² textures.
+    TextureId(u32::try_from(at).unwrap_or(u32::MAX))
+}
