@@ -1,7 +1,6 @@
 //! `NAME.json` and the attributes of `NAME.exr`.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::Path;
 
 use film::Metrics;

@@ -1,6 +1,5 @@
 //! `manylight scene`.
 
-use std::io::Write;
 
 use crate::args::SceneArgs;
 use crate::error::CliError;
