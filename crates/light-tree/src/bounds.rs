@@ -55,14 +55,14 @@ impl Receiver {
     /// z/√(x²+y²+z²) is greatest for the greatest z and the least |x| and |y|.
     #[inline]
     pub fn cos_bound(&self, node: &Node) -> f32 {
-        let (centre, half) = node.centre_and_half();
-        self.cos_bound_over(centre - self.position, half)
+        self.cos_bound_over(&self.relative(node))
     }
 
     #[inline]
-    pub(crate) fn cos_bound_over(&self, centre: Vec3A, half: Vec3A) -> f32 {
+    pub(crate) fn cos_bound_over(&self, seen: &RelativeBox) -> f32 {
+        let (centre, half) = seen.centre_and_half();
         let c = self.frame * centre;
-        let e = self.frame_abs * (half + SLACK * centre.abs());
+        let e = self.frame_abs * (half + SLACK * (centre.abs() + half));
         let top = c.z + e.z;
         let beside = (c.abs() - e).max(Vec3A::ZERO);
         let across2 = beside.x * beside.x + beside.y * beside.y;
@@ -87,19 +87,16 @@ impl Receiver {
     /// Distances to the box of a node that has positional lights.
     #[inline]
     pub fn distances(&self, node: &Node) -> DistanceRange {
-        let (centre, half) = node.centre_and_half();
-        let away = (centre - self.position).abs();
-        DistanceRange {
-            least2: (away - half).max(Vec3A::ZERO).length_squared(),
-            greatest2: (away + half).length_squared(),
-        }
+        self.relative(node).distances()
     }
 
-    /// Offset from the receiver to the centre of the node's box, and the box's half extent.
+    /// The node's box, seen from the receiver.
     #[inline]
-    pub(crate) fn offset(&self, node: &Node) -> (Vec3A, Vec3A) {
-        let (centre, half) = node.centre_and_half();
-        (centre - self.position, half)
+    pub(crate) fn relative(&self, node: &Node) -> RelativeBox {
+        RelativeBox {
+            lo: Vec3A::from(node.lo) - self.position,
+            hi: Vec3A::from(node.hi) - self.position,
+        }
     }
 
     /// Upper bound of cos⁺ between an emission axis in `cone` and the direction from any point of the box
@@ -108,22 +105,61 @@ impl Receiver {
         if cone.cos <= 0.0 {
             return 1.0;
         }
-        let (centre, half) = node.centre_and_half();
         // Seen from the lights the receiver fills the mirrored box.
-        let from_axis = Receiver::new(Vec3::ZERO, cone.axis);
-        let cos = from_axis.cos_bound_over(self.position - centre, half);
+        let seen = self.relative(node);
+        let mirrored = RelativeBox {
+            lo: -seen.hi,
+            hi: -seen.lo,
+        };
+        let cos = Receiver::new(Vec3::ZERO, cone.axis).cos_bound_over(&mirrored);
         if cos > 0.0 {
             return widened_cos(cos, cone.cos);
         }
         // Below the axis' horizon the bound on cos⁺ says nothing of how far: only a wide cone reaches there.
-        let below = self.lowest_cos(cone.axis.into(), self.position - centre, half);
-        widened_cos(below, cone.cos)
+        widened_cos(mirrored.cos_below(cone.axis.into()), cone.cos)
+    }
+}
+
+/// A box as the receiver sees it, the receiver at the origin.
+///
+/// Corners are moved, not centre and extent: subtraction rounds monotonically, so the offset of any point of
+/// the box, rounded, lies between the rounded corners.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RelativeBox {
+    pub(crate) lo: Vec3A,
+    pub(crate) hi: Vec3A,
+}
+
+impl RelativeBox {
+    #[inline]
+    fn centre_and_half(&self) -> (Vec3A, Vec3A) {
+        ((self.lo + self.hi) * 0.5, (self.hi - self.lo) * 0.5)
     }
 
-    /// Upper bound of a cosine known to be ≤ 0: the greatest z over the greatest length.
-    fn lowest_cos(&self, axis: Vec3A, centre: Vec3A, half: Vec3A) -> f32 {
-        let top = axis.dot(centre) + axis.abs().dot(half + SLACK * centre.abs());
-        let length2 = (centre.abs() + half).length_squared();
+    #[inline]
+    pub(crate) fn least2(&self) -> f32 {
+        self.lo.max(-self.hi).max(Vec3A::ZERO).length_squared()
+    }
+
+    #[inline]
+    pub(crate) fn diagonal2(&self) -> f32 {
+        (self.hi - self.lo).length_squared()
+    }
+
+    #[inline]
+    pub(crate) fn distances(&self) -> DistanceRange {
+        DistanceRange {
+            least2: self.least2(),
+            greatest2: self.lo.abs().max(self.hi.abs()).length_squared(),
+        }
+    }
+
+    /// Upper bound of the cosine with `axis` where that is known to be ≤ 0: the greatest z over the greatest
+    /// length.
+    fn cos_below(&self, axis: Vec3A) -> f32 {
+        let (centre, half) = self.centre_and_half();
+        let top = axis.dot(centre) + axis.abs().dot(half + SLACK * (centre.abs() + half));
+        let length2 = self.distances().greatest2;
         if length2 > 0.0 {
             (top / length2.sqrt()).clamp(-1.0, 1.0)
         } else {

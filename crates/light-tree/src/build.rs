@@ -440,49 +440,7 @@ fn halve(items: &mut [Item]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lights::VirtualLight;
-    use arbtest::arbitrary::{Result, Unstructured};
-
-    fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
-        Ok(match u.int_in_range(0..=3)? {
-            0 => 0.0,
-            1 => 1.0,
-            2 => f32::from(u.arbitrary::<i8>()?) * 1e-6,
-            _ => f32::from(u.arbitrary::<i16>()?),
-        })
-    }
-
-    pub(super) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
-        let mut set = LightSet::default();
-        for _ in 0..u.int_in_range(0..=12)? {
-            let i = if u.ratio(1, 8)? {
-                1e-30
-            } else {
-                f32::from(u.arbitrary::<u8>()?)
-            };
-            let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
-            if u.ratio(1, 4)? {
-                set.push_directional(p.try_normalize().unwrap_or(Vec3::X), Vec3::splat(i));
-            } else {
-                set.push_point(p, Vec3::splat(i));
-            }
-        }
-        for _ in 0..u.int_in_range(0..=24)? {
-            let p = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);
-            let n = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?)
-                .try_normalize()
-                .unwrap_or(Vec3::Y);
-            set.push_virtual(&VirtualLight {
-                position: p,
-                normal: n,
-                incoming: n,
-                flux: Vec3::splat(f32::from(u.arbitrary::<u8>()?)),
-                reflectance: Vec3::splat(0.5),
-                material: 0,
-            });
-        }
-        Ok(set)
-    }
+    use crate::test_lights::any_lights;
 
     #[test]
     fn every_tree_is_valid() {

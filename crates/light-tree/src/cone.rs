@@ -1,5 +1,7 @@
 //! Cones of directions.
 
+use std::f64::consts::PI;
+
 use glam::Vec3;
 
 /// All directions within a half angle of an axis.
@@ -12,7 +14,10 @@ pub struct Cone {
 }
 
 /// Added to every merged half angle, in radians, so that rounding never excludes a direction.
-const SLACK: f32 = 2e-6;
+const SLACK: f64 = 2e-6;
+/// Sine of the angle below which the direction from one f32 axis to another is rounding error. What is then
+/// not turned is covered by [`SLACK`].
+const LEAST_ACROSS: f64 = 1e-6;
 
 impl Cone {
     /// Every direction.
@@ -39,28 +44,33 @@ impl Cone {
         } else {
             (other, self)
         };
-        let theta_wide = half_angle(wide.cos);
-        let theta_narrow = half_angle(narrow.cos);
+        let (theta_wide, theta_narrow) = (half_angle(wide.cos), half_angle(narrow.cos));
         let between = angle_between(wide.axis, narrow.axis);
         if between + theta_narrow <= theta_wide {
             return wide;
         }
-        let theta = 0.5 * (theta_wide + between + theta_narrow) + SLACK;
-        if theta >= std::f32::consts::PI {
+        let theta = 0.5 * (theta_wide + between + theta_narrow);
+        if theta + SLACK >= PI {
             return Self::SPHERE;
         }
         // Turn the wide axis toward the narrow one. The part of `narrow` across `wide` has length
-        // sin(between): for equal axes nothing is turned, for opposite ones the direction is lost.
-        let across = narrow.axis - wide.axis * wide.axis.dot(narrow.axis);
-        let turn = theta - SLACK - theta_wide;
-        let axis = match across.try_normalize() {
-            Some(side) => (wide.axis * turn.cos() + side * turn.sin()).normalize(),
-            None if between < 1.0 => wide.axis,
-            None => return Self::SPHERE,
+        // sin(between): for equal axes there is nothing to turn to, for opposite ones no one direction.
+        let (from, to) = (wide.axis.as_dvec3(), narrow.axis.as_dvec3());
+        let across = to - from * (from.dot(to) / from.length_squared());
+        let turn = theta - theta_wide;
+        let axis = if across.length() > LEAST_ACROSS {
+            (from * turn.cos() + across.normalize() * turn.sin())
+                .normalize()
+                .as_vec3()
+        } else if between < 1.0 {
+            wide.axis
+        } else {
+            return Self::SPHERE;
         };
+        // Rounded toward the wider angle: near 1 an f32 cosine is good to 3·10⁻⁴ radians only.
         Self {
             axis,
-            cos: theta.cos(),
+            cos: ((theta + SLACK).cos() as f32).next_down(),
         }
     }
 
@@ -70,17 +80,14 @@ impl Cone {
     }
 }
 
-/// Half angle of a cone, exact enough near 0 and π where acos of an f32 is not.
-fn half_angle(cos: f32) -> f32 {
-    if cos >= 1.0 {
-        0.0
-    } else {
-        cos.max(-1.0).acos()
-    }
+/// Half angle of a cone.
+fn half_angle(cos: f32) -> f64 {
+    f64::from(cos).clamp(-1.0, 1.0).acos()
 }
 
 /// Angle between unit vectors, accurate for tiny and for nearly straight angles (Kahan).
-fn angle_between(a: Vec3, b: Vec3) -> f32 {
+fn angle_between(a: Vec3, b: Vec3) -> f64 {
+    let (a, b) = (a.as_dvec3(), b.as_dvec3());
     2.0 * (a - b).length().atan2((a + b).length())
 }
 

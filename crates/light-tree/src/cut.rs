@@ -86,12 +86,10 @@ impl LightTree {
         let node = self.node(id);
         let mut bound = 0.0;
         if node.has_positions() {
-            let (centre, half) = receiver.offset(node);
-            let d2 = (centre.abs() - half)
-                .max(glam::Vec3A::ZERO)
-                .length_squared();
+            let seen = receiver.relative(node);
+            let d2 = seen.least2();
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2);
-            let cos = receiver.cos_bound_over(centre, half);
+            let cos = receiver.cos_bound_over(&seen);
             if cos > 0.0 {
                 let falloff = d2.max(nearest2);
                 // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
@@ -111,5 +109,91 @@ impl LightTree {
             }
         }
         bound
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lights::LightId;
+    use crate::test_lights::{any_lights, any_receiver, contribution, receiver};
+
+    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
+        let mut found = Vec::new();
+        let mut stack = vec![root];
+        while let Some(id) = stack.pop() {
+            let node = tree.node(id);
+            found.extend(node.light());
+            if let Some(first) = node.first_child() {
+                stack.extend([first, NodeId(first.0 + 1)]);
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn a_cut_holds_every_light_that_contributes_once() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let at = any_receiver(u, &lights)?;
+            let Some(tree) = LightTree::build(&lights) else {
+                return Ok(());
+            };
+            let size = u.int_in_range(1..=40usize)?;
+            let mut cut = Cut::default();
+            cut.refine(&tree, &receiver(at), size);
+            assert!(cut.len() <= size, "{} clusters of {size}", cut.len());
+            let mut seen = vec![0; lights.len()];
+            for node in cut.nodes() {
+                for id in lights_below(&tree, node) {
+                    seen[id.index()] += 1;
+                }
+            }
+            for id in lights.ids() {
+                let lit = contribution(&lights, id, at.0, at.1);
+                let times = seen[id.index()];
+                assert!(
+                    times <= 1 && (times == 1 || lit <= 0.0),
+                    "{id:?} brings {lit}, is in the cut {times} times"
+                );
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn a_bound_is_never_below_what_its_lights_bring() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let at = any_receiver(u, &lights)?;
+            let Some(tree) = LightTree::build(&lights) else {
+                return Ok(());
+            };
+            let floor = f64::from(NEAREST_SHARE * tree.diagonal2).max(f64::from(tree.least_dist2));
+            let mut stack = vec![tree.root()];
+            while let Some(id) = stack.pop() {
+                if let Some(first) = tree.node(id).first_child() {
+                    stack.extend([first, NodeId(first.0 + 1)]);
+                }
+                let bound = f64::from(tree.contribution_bound(&receiver(at), id));
+                // Nearer than the floor a bound counts the floor, by design.
+                let truth: f64 = lights_below(&tree, id)
+                    .into_iter()
+                    .map(|l| {
+                        let d2 = f64::from(lights.position(l).distance_squared(at.0));
+                        let lit = contribution(&lights, l, at.0, at.1);
+                        let nearer =
+                            lights.kind(l) != crate::lights::LightKind::Directional && d2 < floor;
+                        if nearer { lit * d2 / floor } else { lit }
+                    })
+                    .sum();
+                assert!(
+                    bound >= truth * (1.0 - 1e-4) - 1e-37,
+                    "node {}: bound {bound} truth {truth}",
+                    id.0
+                );
+            }
+            Ok(())
+        });
     }
 }

@@ -13,6 +13,8 @@ mod cone;
 mod cut;
 mod lights;
 mod select;
+#[cfg(test)]
+mod test_lights;
 mod tree;
 mod weight;
 

@@ -1,6 +1,6 @@
 //! The tree itself: pairs of siblings in one array.
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 
 use crate::build;
 use crate::cone::Cone;
@@ -67,19 +67,6 @@ impl Node {
     #[inline]
     pub fn first_child(&self) -> Option<NodeId> {
         (self.link & LEAF == 0).then_some(NodeId(self.link))
-    }
-
-    /// Centre and half extent of the box.
-    #[inline]
-    pub(crate) fn centre_and_half(&self) -> (Vec3A, Vec3A) {
-        let (lo, hi) = (Vec3A::from(self.lo), Vec3A::from(self.hi));
-        ((lo + hi) * 0.5, (hi - lo) * 0.5)
-    }
-
-    /// Squared length of the box's diagonal.
-    #[inline]
-    pub fn diagonal2(&self) -> f32 {
-        (Vec3A::from(self.hi) - Vec3A::from(self.lo)).length_squared()
     }
 
     /// Whether any light below has a position.

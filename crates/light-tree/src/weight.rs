@@ -45,12 +45,10 @@ impl LightTree {
             if !node.has_positions() {
                 continue;
             }
-            let (centre, half) = receiver.offset(node);
-            let d2 = (centre.abs() - half)
-                .max(glam::Vec3A::ZERO)
-                .length_squared();
-            let node_diagonal2 = 4.0 * half.length_squared();
-            lit[k] = receiver.cos_bound_over(centre, half) * node.intensity;
+            let seen = receiver.relative(node);
+            let d2 = seen.least2();
+            let node_diagonal2 = seen.diagonal2();
+            lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
             near |= d2 < node_diagonal2;
             diagonal2 = diagonal2.max(node_diagonal2);
             least2[k] = d2.max(self.least_dist2);
@@ -156,5 +154,101 @@ fn rescue(w: PairWeights, lit: PairWeights) -> PairWeights {
         lit.map(|x| x / greatest)
     } else {
         lit.map(|x| f32::from(u8::from(x > 0.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::lights::LightSet;
+
+    fn pair_share(lights: &[(Vec3, f32)], x: &Receiver, weights: NodeWeights) -> f64 {
+        let mut set = LightSet::default();
+        for &(p, i) in lights {
+            set.push_point(p, Vec3::splat(i));
+        }
+        let tree = LightTree::build(&set).expect("has lights");
+        let first = tree.node(tree.root()).first_child().expect("two lights");
+        let w = tree.weigh(weights, x, first).map(f64::from);
+        let own = if tree.node(first).lo == lights[0].0 {
+            0
+        } else {
+            1
+        };
+        w[own] / (w[0] + w[1])
+    }
+
+    #[test]
+    fn two_single_lights_are_weighed_by_equation_three() {
+        let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+        let (a, b) = (Vec3::new(0.0, 2.0, 0.0), Vec3::new(3.0, 4.0, 0.0));
+        // F I / d²: cosines 1 and 0.8, squared distances 4 and 25.
+        let (wa, wb) = (1.0 * 5.0 / 4.0, 0.8 * 7.0 / 25.0);
+        let share = pair_share(&[(a, 5.0), (b, 7.0)], &x, NodeWeights::Yuksel2019);
+        assert!((share - wa / (wa + wb)).abs() < 1e-5, "{share}");
+    }
+
+    #[test]
+    fn the_distance_is_dropped_near_a_box() {
+        // Four lights in two clusters; the receiver is nearer to the first than its diagonal.
+        let mut set = LightSet::default();
+        for p in [
+            [-1.0, 0.5, 0.0],
+            [1.0, 0.5, 0.0],
+            [40.0, 30.0, 0.0],
+            [41.0, 30.0, 0.0],
+        ] {
+            set.push_point(Vec3::from(p), Vec3::ONE);
+        }
+        let tree = LightTree::build(&set).expect("has lights");
+        let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+        let first = tree.node(tree.root()).first_child().expect("two clusters");
+        let w = tree.weigh(NodeWeights::Yuksel2019, &x, first);
+        let f = [tree.node(first), tree.node(NodeId(first.0 + 1))]
+            .map(|n| x.cos_bound(n) * n.intensity);
+        assert!(
+            (w[0] / w[1] - f[0] / f[1]).abs() < 1e-4 * f[0] / f[1],
+            "{w:?} against {f:?}"
+        );
+    }
+
+    #[test]
+    fn scaling_the_scene_by_powers_of_two_keeps_every_probability() {
+        let lights = [
+            (Vec3::new(0.3, 2.0, 0.1), 5.0),
+            (Vec3::new(3.0, 4.0, -0.2), 7.0),
+        ];
+        let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+        for weights in [NodeWeights::Yuksel2019, NodeWeights::MinMax] {
+            let share = pair_share(&lights, &x, weights);
+            for k in [-20, -7, 9, 20] {
+                let s = 2.0f32.powi(k);
+                let scaled = lights.map(|(p, i)| (p * s, i * s * s));
+                assert_eq!(
+                    pair_share(&scaled, &x, weights),
+                    share,
+                    "{weights:?} at 2^{k}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_at_the_receiver_and_one_far_off_leave_finite_weights() {
+        let x = Receiver::new(Vec3::ONE, Vec3::Y);
+        for weights in [NodeWeights::Yuksel2019, NodeWeights::MinMax] {
+            for lights in [
+                [(Vec3::ONE, 1.0), (Vec3::ONE * 2.0, 1.0)],
+                [(Vec3::ONE, 1.0), (Vec3::ONE, 1e30)],
+            ] {
+                let share = pair_share(&lights, &x, weights);
+                assert!(
+                    (0.0..=1.0).contains(&share),
+                    "{weights:?} {lights:?}: {share}"
+                );
+            }
+        }
     }
 }
