@@ -27,17 +27,21 @@ const CURVE_BRIGHT: f64 = 0.85;
 /// The median of a mostly black reference counts as at least this share of its brightest pixel: 2⁻²³.
 const LEAST_MEDIAN: f64 = 1.0 / 8_388_608.0;
 
+/// Rows that are worked on at a time.
+const BAND: usize = 32;
+
 /// FLIP of each pixel, 0 to 1, row-major: HDR-FLIP of `image` against `reference`, both linear RGB radiance.
 ///
 /// Both images are exposed to the range that the *reference* asks for: from where its brightest pixel reaches
-/// 0.85 on the display to where its median pixel does, in steps of a stop or less and two at least. At
-/// each exposure they go through a filmic (ACES) curve and are clamped to [0, 1] as linear sRGB, and LDR-FLIP compares
-/// them; a pixel's value is its largest over the exposures. Negative values count as zero.
+/// 0.85 on the display to where its median pixel does, in steps of about a stop, the two ends at least. At each
+/// exposure they go through a filmic (ACES) curve, are clamped to [0, 1] as linear sRGB, and compared with
+/// LDR-FLIP; a pixel's value is its largest over the exposures. Negative values count as zero.
 ///
 /// `pixels_per_degree` of visual angle: [`PIXELS_PER_DEGREE`] (67) as in the papers. Expected > 0.
 ///
 /// Against a reference without positive values the only exposure is 1. Departure from the papers' program: the
-/// least median of a mostly black reference is relative to its maximum, so that scaling both images changes nothing.
+/// least median of a mostly black reference is relative to its maximum, so that scaling both images changes
+/// nothing.
 ///
 /// Linear in the number of pixels; the same bits whatever the number of threads.
 ///
@@ -51,15 +55,22 @@ pub fn flip_map(
 ) -> Result<Vec<f32>, FilmError> {
     check(image, reference)?;
     let filters = Filters::new(pixels_per_degree);
+    let exposures = exposures(reference);
+    let width = image.width as usize;
     let mut worst = vec![0.0_f32; image.pixels.len()];
-    for exposure in exposures(reference) {
-        let width = image.width as usize;
-        let [seen, seen_reference] =
-            [image, reference].map(|image| filters.see(&image.pixels, width, exposure));
-        worst.par_iter_mut().enumerate().for_each(|(i, worst)| {
-            *worst = worst.max(filters.difference(&seen, &seen_reference, i))
+    // Bands are small enough for the cache, and independent of one another.
+    worst
+        .par_chunks_mut(BAND * width)
+        .enumerate()
+        .for_each(|(band, worst)| {
+            for &exposure in &exposures {
+                let [seen, seen_reference] = [image, reference]
+                    .map(|image| filters.see(image, band * BAND, worst.len() / width, exposure));
+                for (i, worst) in worst.iter_mut().enumerate() {
+                    *worst = worst.max(filters.difference(&seen, &seen_reference, i));
+                }
+            }
         });
-    }
     Ok(worst)
 }
 
@@ -156,6 +167,12 @@ impl Filters {
                 .map(|i| (-PI * PI * degrees(i).powi(2) / b).exp())
                 .collect::<Vec<_>>()
         };
+        // Weights that could not change an f32 sum are left out of the narrow ones.
+        let narrow = |b: f32| {
+            let mut kernel = gauss(b);
+            kernel.retain(|&weight| weight > 1e-9);
+            normalised(kernel)
+        };
         // The sum of both is normalised as a whole, so each Gaussian's share is its two-dimensional sum.
         let shares =
             BLUE_YELLOW.map(|(a, b)| a * (PI / b).sqrt() * gauss(b).iter().sum::<f32>().powi(2));
@@ -171,8 +188,8 @@ impl Filters {
                 .collect()
         };
         Filters {
-            achromatic: normalised(gauss(ACHROMATIC)),
-            red_green: normalised(gauss(RED_GREEN)),
+            achromatic: narrow(ACHROMATIC),
+            red_green: narrow(RED_GREEN),
             blue_yellow: [0, 1].map(|i| (shares[i] / total, normalised(gauss(BLUE_YELLOW[i].1)))),
             smooth: normalised(kernel(|_| 1.0)),
             edge: normalised(kernel(|x| -x)),
@@ -181,27 +198,39 @@ impl Filters {
         }
     }
 
-    /// Tone-maps `pixels` at an exposure and filters them.
-    fn see(&self, pixels: &[Vec3], width: usize, exposure: f64) -> Seen {
-        let opponent: Vec<Vec3> = pixels
-            .par_iter()
-            .map(|rgb| {
+    /// Rows beyond a band on either side that its filters reach.
+    fn reach(&self) -> usize {
+        self.blue_yellow[0].1.len().max(self.smooth.len()) / 2
+    }
+
+    /// Tone-maps and filters `height` rows of an image from row `top` on.
+    fn see(&self, image: &Image, top: usize, height: usize, exposure: f64) -> Seen {
+        let (width, reach) = (image.width as usize, self.reach());
+        let mut planes = [(); 3].map(|()| Vec::with_capacity(width * (height + 2 * reach)));
+        for y in top..top + height + 2 * reach {
+            // Beyond its edges an image goes on with its last rows.
+            let y = y.saturating_sub(reach).min(image.height as usize - 1);
+            for rgb in &image.pixels[y * width..(y + 1) * width] {
                 let exposed = rgb
                     .to_array()
                     .map(|value| tone((f64::from(value) * exposure) as f32));
-                opponent_from_xyz(RGB_TO_XYZ * Vec3::from(exposed))
-            })
-            .collect();
-        let plane = |c: usize| opponent.iter().map(|v| v[c]).collect::<Vec<f32>>();
-        let (y, cx, cz) = (plane(0), plane(1), plane(2));
-        let blur =
-            |plane: &[f32], kernel: &[f32]| columns(&rows(plane, width, kernel), width, kernel);
+                let opponent = opponent_from_xyz(RGB_TO_XYZ * Vec3::from(exposed));
+                planes
+                    .iter_mut()
+                    .zip(opponent.to_array())
+                    .for_each(|(plane, value)| plane.push(value));
+            }
+        }
+        let [y, cx, cz] = planes;
+        let filter = |plane: &[f32], across: &[f32], down: &[f32]| {
+            columns(&rows(plane, width, across), width, reach, down)
+        };
+        let blur = |plane: &[f32], kernel: &[f32]| filter(plane, kernel, kernel);
         let [(share0, kernel0), (share1, kernel1)] = &self.blue_yellow;
         let (y_seen, cx_seen) = (blur(&y, &self.achromatic), blur(&cx, &self.red_green));
         let (cz_seen0, cz_seen1) = (blur(&cz, kernel0), blur(&cz, kernel1));
         let xyz_to_rgb = RGB_TO_XYZ.inverse();
-        let colours = (0..pixels.len())
-            .into_par_iter()
+        let colours = (0..width * height)
             .map(|i| {
                 let opponent = Vec3::new(
                     y_seen[i],
@@ -217,12 +246,12 @@ impl Filters {
         let luminance: Vec<f32> = y.iter().map(|y| (y + 16.0) / 116.0).collect();
         let smooth = rows(&luminance, width, &self.smooth);
         let length = |kernel: &[f32]| {
-            let across = columns(&rows(&luminance, width, kernel), width, &self.smooth);
-            let down = columns(&smooth, width, kernel);
+            let across = filter(&luminance, kernel, &self.smooth);
+            let down = columns(&smooth, width, reach, kernel);
             across
                 .iter()
                 .zip(&down)
-                .map(|(x, y)| x.hypot(*y))
+                .map(|(x, y)| (x * x + y * y).sqrt())
                 .collect::<Vec<f32>>()
         };
         Seen {
@@ -274,39 +303,38 @@ fn normalised(kernel: Vec<f32>) -> Vec<f32> {
 
 /// Filters each row with `kernel`, of odd length; beyond its ends a row goes on with its last values.
 fn rows(plane: &[f32], width: usize, kernel: &[f32]) -> Vec<f32> {
-    let radius = kernel.len() / 2;
+    let reach = kernel.len() / 2;
     let mut out = vec![0.0; plane.len()];
-    out.par_chunks_exact_mut(width)
-        .zip(plane.par_chunks_exact(width))
-        .for_each(|(out, row)| {
-            let mut padded = vec![row[0]; radius];
-            padded.extend_from_slice(row);
-            padded.resize(width + 2 * radius, row[width - 1]);
-            for (shift, &weight) in kernel.iter().enumerate() {
-                out.iter_mut()
-                    .zip(&padded[shift..])
-                    .for_each(|(out, value)| *out += weight * value);
-            }
-        });
+    let mut padded = Vec::with_capacity(width + 2 * reach);
+    for (out, row) in out.chunks_exact_mut(width).zip(plane.chunks_exact(width)) {
+        padded.clear();
+        padded.resize(reach, row[0]);
+        padded.extend_from_slice(row);
+        padded.resize(width + 2 * reach, row[width - 1]);
+        for (shift, &weight) in kernel.iter().enumerate() {
+            add(out, weight, &padded[shift..]);
+        }
+    }
     out
 }
 
-/// Filters each column with `kernel`, like [`rows`].
-fn columns(plane: &[f32], width: usize, kernel: &[f32]) -> Vec<f32> {
-    let radius = kernel.len() / 2;
-    let height = plane.len() / width;
-    let mut out = vec![0.0; plane.len()];
-    out.par_chunks_exact_mut(width)
-        .enumerate()
-        .for_each(|(y, out)| {
-            for (shift, &weight) in kernel.iter().enumerate() {
-                let from = (y + shift).saturating_sub(radius).min(height - 1) * width;
-                out.iter_mut()
-                    .zip(&plane[from..from + width])
-                    .for_each(|(out, value)| *out += weight * value);
-            }
-        });
+/// Filters each column with `kernel`, of odd length ≤ 2·`reach` + 1, leaving out `reach` rows at either end.
+fn columns(plane: &[f32], width: usize, reach: usize, kernel: &[f32]) -> Vec<f32> {
+    let first = reach - kernel.len() / 2;
+    let mut out = vec![0.0; plane.len() - 2 * reach * width];
+    for (y, out) in out.chunks_exact_mut(width).enumerate() {
+        for (shift, &weight) in kernel.iter().enumerate() {
+            add(out, weight, &plane[(y + first + shift) * width..]);
+        }
+    }
     out
+}
+
+/// out += weight · values, for as many as `out` has.
+fn add(out: &mut [f32], weight: f32, values: &[f32]) {
+    out.iter_mut()
+        .zip(values)
+        .for_each(|(out, value)| *out += weight * value);
 }
 
 /// White-relative XYZ → YCxCz, the linear opponent space in which the contrast filters work.
@@ -512,8 +540,15 @@ mod tests {
     #[test]
     fn filters_keep_a_flat_plane_flat_and_find_a_step() {
         let filters = Filters::new(PIXELS_PER_DEGREE);
-        let flat = [3.0; 15];
-        let blurred = columns(&rows(&flat, 5, &filters.achromatic), 5, &filters.achromatic);
+        let reach = filters.reach();
+        let flat = vec![3.0; 5 * (3 + 2 * reach)];
+        let blurred = columns(
+            &rows(&flat, 5, &filters.achromatic),
+            5,
+            reach,
+            &filters.achromatic,
+        );
+        assert_eq!(blurred.len(), 15, "the band alone");
         assert!(
             blurred.iter().all(|value| (value - 3.0).abs() < 1e-5),
             "{blurred:?}"

@@ -492,6 +492,26 @@ mod tests {
     }
 
     #[test]
+    fn dwa_compression_is_refused_by_name() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = folder.path().join("dwa.exr");
+        Picture::new(16, 16).write_exr(&path, &[]).expect("writes");
+        let mut bytes = fs::read(&path).expect("reads");
+        let name = b"compression\0compression\0\x01\0\0\0";
+        let at = bytes
+            .windows(name.len())
+            .position(|w| w == name)
+            .expect("there is one")
+            + name.len();
+        for dwa in [8, 9] {
+            bytes[at] = dwa;
+            fs::write(&path, &bytes).expect("writes");
+            let error = read_image(&path).expect_err("DWA").to_string();
+            assert!(error.contains("dwa.exr: it has DWA compression"), "{error}");
+        }
+    }
+
+    #[test]
     fn flipped_bytes_never_panic() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("flipped.exr");
