@@ -1,6 +1,5 @@
 //! `manylight scene`.
 
-
 use crate::args::SceneArgs;
 use crate::error::CliError;
 

@@ -170,11 +170,14 @@ impl RelativeBox {
 
 /// cos⁺(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
 fn widened_cos(cos: f32, cos_half: f32) -> f32 {
+    // What rounding may have taken off: near −1 and 1 that is worth 5·10⁻⁴ radians.
+    let cos = (cos + 3e-7).clamp(-1.0, 1.0);
     if cos >= cos_half - SLACK {
         return 1.0;
     }
-    let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    let sin_half = (1.0 - cos_half * cos_half).max(0.0).sqrt();
+    // Not 1 − cos²: that loses all digits of a small angle.
+    let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+    let sin_half = ((1.0 - cos_half) * (1.0 + cos_half)).max(0.0).sqrt();
     let widened = cos * cos_half + sin * sin_half + SLACK;
     widened.clamp(0.0, 1.0)
 }

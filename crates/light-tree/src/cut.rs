@@ -116,7 +116,7 @@ impl LightTree {
 mod tests {
     use super::*;
     use crate::lights::LightId;
-    use crate::test_lights::{any_lights, any_receiver, contribution, receiver};
+    use crate::test_lights::{BLACK, any_lights, any_receiver, contribution, receiver};
 
     fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
         let mut found = Vec::new();
@@ -153,7 +153,7 @@ mod tests {
                 let lit = contribution(&lights, id, at.0, at.1);
                 let times = seen[id.index()];
                 assert!(
-                    times <= 1 && (times == 1 || lit <= 0.0),
+                    times <= 1 && (times == 1 || lit <= BLACK),
                     "{id:?} brings {lit}, is in the cut {times} times"
                 );
             }

@@ -232,7 +232,9 @@ mod tests {
 
     use super::*;
     use crate::lights::LightSet;
-    use crate::test_lights::{any_lights, any_receiver, contribution, lights_on_walls, receiver};
+    use crate::test_lights::{
+        BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
+    };
 
     const ALL: [NodeWeights; 2] = [NodeWeights::Yuksel2019, NodeWeights::MinMax];
 
@@ -252,7 +254,7 @@ mod tests {
                     let lit = contribution(&lights, id, at.0, at.1);
                     let pmf = pmfs.iter().find(|p| p.0 == id).map_or(0.0, |p| p.1);
                     assert!(
-                        lit <= 0.0 || pmf > 0.0,
+                        lit <= BLACK || pmf > 0.0,
                         "{weights:?}: {id:?} brings {lit} to {at:?}, never drawn"
                     );
                 }

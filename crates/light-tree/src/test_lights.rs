@@ -47,6 +47,9 @@ pub(crate) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
     Ok(set)
 }
 
+/// Contributions up to this are 0 in the renderer's f32.
+pub(crate) const BLACK: f64 = 1e-37;
+
 /// A receiver anywhere, often on a light or in the plane of some.
 pub(crate) fn any_receiver(u: &mut Unstructured<'_>, lights: &LightSet) -> Result<(Vec3, Vec3)> {
     let mut position = Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?);

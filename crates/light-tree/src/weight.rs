@@ -49,18 +49,18 @@ impl LightTree {
             let d2 = seen.least2();
             let node_diagonal2 = seen.diagonal2();
             lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
-            near |= d2 < node_diagonal2;
+            // A light alone in its box, at the receiver, is near as well.
+            near |= d2 <= node_diagonal2;
             diagonal2 = diagonal2.max(node_diagonal2);
             least2[k] = d2.max(self.least_dist2);
         }
         let falloff = if near {
             // The distance is dropped. Only lights without falloff notice the common unit it leaves.
-            [1.0 / diagonal2.max(self.least_dist2); 2]
-        } else if least2[0].min(least2[1]) > 0.0 {
-            least2.map(|d2| 1.0 / d2)
+            let common2 = diagonal2.max(self.least_dist2);
+            [if common2 > 0.0 { 1.0 / common2 } else { 1.0 }; 2]
         } else {
-            // A light exactly at the receiver outweighs all that is not.
-            least2.map(|d2| if d2 == 0.0 { 1.0 } else { 0.0 })
+            // Not near, so not 0.
+            least2.map(|d2| 1.0 / d2)
         };
         self.finish(
             receiver,
