@@ -39,6 +39,14 @@ pub(crate) fn shortened(value: &str) -> String {
 /// Explains a failure of the typed read. `path` is where serde was.
 pub(crate) fn explain(text: &str, error: &SpannedError, path: &Path) -> Explained {
     let tree = Tree::new(text);
+    if let Some(key) = tree.root().and_then(|root| tree.node(root).key.clone()) {
+        let found = shortened(&text[key.clone()]);
+        return Explained {
+            at: key.start,
+            path: String::new(),
+            message: format!("found {found}: alone; expected parentheses ( … ) around all fields"),
+        };
+    }
     let cursor = byte_of(text, error.span.end.line, error.span.end.col);
     let mut steps = steps(path);
     if let Error::NoSuchStructField { found, .. } | Error::NoSuchEnumVariant { found, .. } =
@@ -58,6 +66,9 @@ pub(crate) fn explain(text: &str, error: &SpannedError, path: &Path) -> Explaine
     let at = cursor.min(text.len());
     if !here.is_some_and(|here| tree.node(here).span.is_empty()) {
         steps = tree.path_to(at);
+        if error.code == Error::ExpectedMapColon && matches!(steps.last(), Some(Step::Index(_))) {
+            steps.pop();
+        }
     }
     Explained {
         at: token_at(text, at).map_or(at, |token| token.start),
@@ -137,6 +148,7 @@ fn wanted(code: &Error) -> Option<String> {
         Error::FloatUnderscore => "a number without `_`".into(),
         Error::ExpectedInteger => "a whole number".into(),
         Error::IntegerOutOfBounds => "a whole number that is in range here".into(),
+        Error::InvalidIntegerDigit { base: 10, .. } => "a whole number".into(),
         Error::InvalidIntegerDigit { digit, base } => {
             format!("a whole number; {digit:?} is no digit in base {base}")
         }
@@ -203,7 +215,10 @@ fn at_cursor(text: &str, at: usize, code: &Error) -> String {
             // ron stopped inside a number: `1.5` where an integer belongs.
             format!("found {quoted}; expected a whole number")
         }
-        Error::ExpectedComma => format!("expected a comma before {quoted}"),
+        Error::ExpectedComma => match name_before(text, at).filter(|_| quoted == "(") {
+            Some(name) => format!("`{name}` takes no values in parentheses"),
+            None => format!("expected a comma before {quoted}"),
+        },
         Error::ExpectedStructLikeEnd => format!("expected `)` before {quoted}"),
         Error::ExpectedArrayEnd => format!("expected `]` before {quoted}"),
         Error::ExpectedMapEnd => format!("expected `}}` before {quoted}"),
@@ -211,7 +226,21 @@ fn at_cursor(text: &str, at: usize, code: &Error) -> String {
         Error::Eof => "the text ends in the middle of a value".into(),
         code => match wanted(code) {
             Some(wanted) => format!("found {quoted}; expected {wanted}"),
-            None => code.to_string(),
+            None => lower_first(&code.to_string()),
         },
     }
+}
+
+/// The identifier that ends right before byte `at`, blanks aside.
+fn name_before(text: &str, at: usize) -> Option<&str> {
+    let before = Tokens::new(text)
+        .take_while(|token| token.start < at)
+        .last()?;
+    (before.kind == Kind::Ident).then(|| &text[before.range()])
+}
+
+fn lower_first(message: &str) -> String {
+    let mut chars = message.chars();
+    let first = chars.next().map(|c| c.to_ascii_lowercase());
+    first.into_iter().chain(chars).collect()
 }

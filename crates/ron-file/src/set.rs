@@ -81,7 +81,8 @@ fn one_value(set: &Override) -> Result<&str, RonError> {
     }
     if let Err(error) = options().from_str::<IgnoredAny>(&set.value) {
         let message = explain::syntax(&set.value, &error);
-        return Err(set.error(format!("the value is not RON: {message}")));
+        let quotes = "text needs quotes: 'scene=\"a.ron\"'";
+        return Err(set.error(format!("the value is not RON: {message} ({quotes})")));
     }
     let tree = Tree::new(&set.value);
     Ok(tree.root().map_or(&set.value, |root| tree.value(root)))

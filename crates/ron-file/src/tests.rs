@@ -314,6 +314,26 @@ fn errors_name_place_field_value_and_expectation() {
             "a.ron:3:5: !scene: found !; expected a name",
         ),
         (
+            "[(1, 2), (3.5, -4e-1)]",
+            "[(1, 2), , (3, 4)]",
+            "a.ron:7:20: list[1]: found ,; expected values in parentheses",
+        ),
+        (
+            "lights: Virtual(kind: Vsl, count: 1_000_000)",
+            "lights: AsGiven(1)",
+            "a.ron:5:20: lights: `AsGiven` takes no values in parentheses",
+        ),
+        (
+            "scene: \"a.ron\"",
+            "scene = \"a.ron\"",
+            "a.ron:3:11: expected `:` before =",
+        ),
+        (
+            "scene: \"a.ron\"",
+            "scene: \"a\\q\"",
+            "a.ron:3:12: scene: unknown escape character",
+        ),
+        (
             ",\n)\n",
             ",\n) 5\n",
             "a.ron:8:3: found 5 behind the value; expected nothing",
@@ -418,6 +438,13 @@ fn files_that_are_no_text_are_refused() {
     let missing = read::<Config>(&dir.path().join("b.ron"), &[], VARIANTS);
     let missing = missing.expect_err("no file").to_string();
     assert!(missing.contains("b.ron: No such file"), "{missing}");
+}
+
+#[test]
+fn a_file_without_its_parentheses_says_so() {
+    let error = read_with("scene: \"a.ron\",\nseed: 1", &[]).expect_err("no parentheses");
+    let expected = "a.ron:1:1: found scene: alone; expected parentheses ( … ) around all fields";
+    assert_eq!(error, expected, "the first key");
 }
 
 #[test]

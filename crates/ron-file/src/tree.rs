@@ -43,7 +43,15 @@ impl<'a> Tree<'a> {
                 break;
             };
             if token.kind == Kind::Comma {
-                *item = None;
+                if item.take().is_none() {
+                    // Two commas in a row: the value between them is missing, but has a number.
+                    nodes.push(Node {
+                        span: token.start..token.start,
+                        ..Node::default()
+                    });
+                    let missing = nodes.len() - 1;
+                    nodes[*group].children.push(missing);
+                }
                 continue;
             }
             if token.kind == Kind::Close {

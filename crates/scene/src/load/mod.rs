@@ -18,7 +18,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::{LoadNotes, Material, Mesh, Scene, SceneError, TextureId};
+use crate::{LoadNotes, Material, Mesh, Scene, SceneError};
 use scene_file::SceneFile;
 use source::Source;
 pub use source::expand;
@@ -28,8 +28,7 @@ pub use source::expand;
 struct Parts {
     mesh: Mesh,
     materials: Vec<Material>,
-    /// Indexed by [`TextureId`].
-    textures: Vec<texture::Wanted>,
+    textures: texture::WantedList,
     notes: LoadNotes,
 }
 
@@ -80,6 +79,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
     let emitters = lights::read(&file.lights, &here, &mut parts.notes)?;
     let textures: Vec<_> = parts
         .textures
+        .all()
         .par_iter()
         .map(texture::Wanted::load)
         .collect();
@@ -219,15 +219,4 @@ fn lines<'a>(text: &'a str) -> impl Iterator<Item = (usize, std::borrow::Cow<'a,
         }
         Some((number + 1, Cow::Owned(whole)))
     })
-}
-
-/// Where a texture is in `textures`, adding it when it is new.
-fn texture_id(textures: &mut Vec<texture::Wanted>, wanted: texture::Wanted) -> TextureId {
-    let same = |other: &texture::Wanted| other.shown == wanted.shown;
-    let at = textures.iter().position(same).unwrap_or_else(|| {
-        textures.push(wanted);
-        textures.len() - 1
-    });
-    // MTL files are read whole into memory: they cannot name 2³² textures.
-    TextureId(u32::try_from(at).unwrap_or(u32::MAX))
 }

@@ -1,13 +1,13 @@
 //! MTL files: every line of interest is checked, put into the plain form that tobj reads without panicking
 //! (three numbers for a colour, no options before file names), and read by tobj.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
 use glam::Vec3;
 
 use crate::load::source::{Source, join};
-use crate::load::{Parts, lenient_text, lines, texture, texture_id};
+use crate::load::{Parts, lenient_text, lines, texture};
 use crate::{Material, SceneError};
 
 /// Largest Phong exponent.
@@ -54,7 +54,7 @@ pub(super) fn read(
     source: &Source,
     name: &str,
     bytes: &[u8],
-) -> Result<Vec<(String, usize)>, SceneError> {
+) -> Result<HashMap<String, usize>, SceneError> {
     let shown = source.shown(name);
     let text = lenient_text(&shown, bytes, &mut parts.notes)?;
     let checked = check(&shown, &text, name, &mut parts.notes.remarks)?;
@@ -66,15 +66,14 @@ pub(super) fn read(
         parts.notes.remarks.push(remark);
     }
 
-    let mut names = Vec::new();
+    let mut names = HashMap::new();
     for (material, (line, _)) in read.into_iter().zip(&checked.names) {
         // tobj keeps the texture's name; the line is the first behind `newmtl` that gives this name.
+        let first_map = checked.maps.partition_point(|map| map.line < *line);
         let mut map = |wanted: &Option<String>, key| {
             let wanted = wanted.as_ref()?;
-            let maps = checked.maps.iter();
-            let map = maps
-                .filter(|map| map.key == key && map.name == *wanted)
-                .find(|map| map.line > *line)?;
+            let mut maps = checked.maps[first_map..].iter();
+            let map = maps.find(|map| map.key == key && map.name == *wanted)?;
             let texture = texture::Wanted {
                 source: source.clone(),
                 name: map.name.clone(),
@@ -82,7 +81,7 @@ pub(super) fn read(
                 named_by: (shown.clone(), map.line),
                 key: map.key,
             };
-            Some(texture_id(&mut parts.textures, texture))
+            Some(parts.textures.id(texture))
         };
         let diffuse_map = map(&material.diffuse_texture, "map_Kd");
         let opacity_map = map(&material.dissolve_texture, "map_d");
@@ -104,13 +103,15 @@ pub(super) fn read(
             opacity_map,
             name: material.name,
         };
-        if names.iter().any(|(name, _)| *name == plain.name) {
+        if names
+            .insert(plain.name.clone(), parts.materials.len())
+            .is_some()
+        {
             let name = &plain.name;
             let remark =
                 format!("{shown}:{line}: material `{name}` is defined again; this one counts");
             parts.notes.remarks.push(remark);
         }
-        names.push((plain.name.clone(), parts.materials.len()));
         let conserving = conserve_energy(plain, &shown, *line, &mut parts.notes.remarks);
         parts.materials.push(conserving);
     }
@@ -143,9 +144,9 @@ fn conserve_energy(
         ));
         material.diffuse *= scale;
         material.specular *= scale;
-    } else {
-        material.specular = material.specular.min(Vec3::ONE - material.diffuse);
     }
+    // What rounding leaves above 1.
+    material.specular = material.specular.min(Vec3::ONE - material.diffuse);
     material
 }
 

@@ -164,3 +164,41 @@ fn all_unit(mesh: &Mesh, normals: &[u32; 3]) -> bool {
         .iter()
         .all(|&i| mesh.normals[i as usize] != Vec3::ZERO)
 }
+
+#[cfg(test)]
+mod tests {
+    use procedural::SceneFile;
+
+    use super::*;
+
+    #[test]
+    fn a_built_in_scene_is_read_from_memory() {
+        let file = |name: &str, text: &str| SceneFile {
+            name: name.to_owned(),
+            bytes: text.as_bytes().to_vec(),
+        };
+        let files = [
+            file(
+                "scene.obj",
+                "mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3",
+            ),
+            file("scene.mtl", "newmtl a\nKd 1\nmap_Kd textures\\t.png"),
+        ];
+        let source = Source::BuiltIn {
+            scene: "test".to_owned(),
+            files: files.to_vec().into(),
+        };
+        let mut parts = Parts {
+            materials: vec![crate::Material::default()],
+            ..Parts::default()
+        };
+        let bytes = source.read("scene.obj").expect("a file");
+        read(&mut parts, &source, "scene.obj", &bytes).expect("a scene");
+        assert_eq!(parts.mesh.len(), 1, "triangles");
+        assert_eq!(parts.mesh.materials[0].0, 1, "its material");
+        let error = parts.textures.all()[0].load().expect_err("no such texture");
+        let error = error.to_string();
+        let expected = "builtin:test/scene.mtl:3: map_Kd: builtin:test/textures/t.png: ";
+        assert!(error.starts_with(expected), "{error}");
+    }
+}

@@ -1,12 +1,13 @@
 //! PNG and JPEG files.
 
+use std::collections::HashMap;
 use std::io::Cursor;
 
 use image::{ImageReader, Limits};
 
 use crate::load::source::Source;
 use crate::load::unreadable;
-use crate::{SceneError, Texture};
+use crate::{SceneError, Texture, TextureId};
 
 /// Texels a side at most: a small file must not claim the whole memory.
 const LARGEST: u32 = 16384;
@@ -26,6 +27,32 @@ pub(super) struct Wanted {
     pub(super) named_by: (String, usize),
     /// The key there: `map_Kd`.
     pub(super) key: &'static str,
+}
+
+/// All textures that materials name; one entry per file.
+#[derive(Debug, Default)]
+pub(super) struct WantedList {
+    list: Vec<Wanted>,
+    by_name: HashMap<String, TextureId>,
+}
+
+impl WantedList {
+    /// The id of a texture, which is added when it is new.
+    pub(super) fn id(&mut self, wanted: Wanted) -> TextureId {
+        if let Some(&id) = self.by_name.get(&wanted.shown) {
+            return id;
+        }
+        // One MTL line each: fewer than 2³² in any text that fits in memory.
+        let id = TextureId(u32::try_from(self.list.len()).unwrap_or(u32::MAX));
+        self.by_name.insert(wanted.shown.clone(), id);
+        self.list.push(wanted);
+        id
+    }
+
+    /// Indexed by [`TextureId`].
+    pub(super) fn all(&self) -> &[Wanted] {
+        &self.list
+    }
 }
 
 impl Wanted {
