@@ -32,7 +32,8 @@ impl Subtended {
     pub(crate) fn new(offset: Vec3, radius: f32, normal: Vec3) -> Self {
         let dist2 = offset.length_squared();
         let dist = dist2.sqrt();
-        let axis = if dist > 0.0 { offset / dist } else { normal };
+        // Also where the squared distance underflows.
+        let axis = offset.normalize_or(normal);
         let sin = if dist > radius { radius / dist } else { 1.0 };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         Self {

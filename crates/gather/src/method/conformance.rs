@@ -1,1 +1,302 @@
+//! Tests that every listed method must pass, over small scenes made here.
+//!
+//! A method added to the list is tested without another line.
 
+use glam::{DVec3, Vec3};
+use light_tree::LightSet;
+use sampling::{Purpose, Rng};
+use scene::trace::{Hit, Tracer};
+use scene::{Emitter, Material, MaterialId, Mesh, Scene};
+use verify::{Running, critical_z, sidak, z_test};
+
+use super::*;
+use crate::contribution::VirtualShape;
+use crate::render::Counters;
+use crate::shadow_queue::{QueueScratch, ShadowQueue};
+
+/// Probability that a sound method fails [`unbiased_methods_agree_with_all_lights`] for a random seed.
+const FALSE_ALARM: f64 = 1e-4;
+
+/// A floor, a wall, and a block that casts shadows; `glossy` adds a Phong lobe.
+fn room(glossy: bool) -> Scene {
+    let mut mesh = Mesh::default();
+    let mut quad = |corners: [[f32; 3]; 4]| {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(corners.map(Vec3::from));
+        mesh.indices
+            .extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        mesh.materials.extend([MaterialId(0); 2]);
+    };
+    quad([
+        [-2.0, 0.0, -2.0],
+        [-2.0, 0.0, 2.0],
+        [2.0, 0.0, 2.0],
+        [2.0, 0.0, -2.0],
+    ]);
+    quad([
+        [-2.0, 0.0, -2.0],
+        [2.0, 0.0, -2.0],
+        [2.0, 3.0, -2.0],
+        [-2.0, 3.0, -2.0],
+    ]);
+    quad([
+        [-0.5, 0.8, -0.5],
+        [-0.5, 0.8, 0.5],
+        [0.5, 0.8, 0.5],
+        [0.5, 0.8, -0.5],
+    ]);
+    quad([
+        [0.5, 0.0, -0.5],
+        [0.5, 0.8, -0.5],
+        [0.5, 0.8, 0.5],
+        [0.5, 0.0, 0.5],
+    ]);
+    let specular = if glossy { 0.3 } else { 0.0 };
+    let material = Material {
+        diffuse: Vec3::new(0.6, 0.5, 0.4),
+        specular: Vec3::splat(specular),
+        exponent: 20.0,
+        ..Material::default()
+    };
+    Scene {
+        mesh,
+        materials: vec![material],
+        ..Scene::default()
+    }
+}
+
+/// The light sets of the suite, by name.
+fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, LightSet)> {
+    let mut rng = Rng::new(21, 0, 0, Purpose::Build);
+    let mut points = LightSet::default();
+    for _ in 0..150 {
+        let p = Vec3::new(
+            rng.f32() * 4.0 - 2.0,
+            0.1 + 2.9 * rng.f32(),
+            rng.f32() * 3.9 - 1.9,
+        );
+        points.push_point(
+            p,
+            Vec3::new(rng.f32(), rng.f32(), rng.f32()) * 2.0f32.powf(6.0 * rng.f32()),
+        );
+    }
+    let mut one = LightSet::default();
+    one.push_point(Vec3::new(0.5, 2.0, 1.0), Vec3::ONE);
+    let mut twins = LightSet::default();
+    for _ in 0..2 {
+        twins.push_point(Vec3::new(-1.0, 2.0, 1.0), Vec3::new(1.0, 0.5, 0.0));
+    }
+    let mut mixed = LightSet::default();
+    for i in 0..20 {
+        mixed.push_point(Vec3::new(i as f32 * 0.2 - 2.0, 2.5, 0.0), Vec3::splat(0.3));
+    }
+    for i in 0..5 {
+        let direction = Vec3::new(i as f32 * 0.3 - 0.6, -1.0, -0.4).normalize();
+        mixed.push_directional(direction, Vec3::splat(0.2));
+    }
+    let mut bounced = LightSet::default();
+    let source = Emitter::Point {
+        position: Vec3::new(1.0, 2.0, 1.0),
+        intensity: Vec3::ONE,
+    };
+    bounced.push_point(Vec3::new(1.0, 2.0, 1.0), Vec3::ONE);
+    let lit = Scene {
+        emitters: vec![source],
+        ..scene.clone()
+    };
+    let spec = vpl::VirtualLightSpec {
+        count: 300,
+        max_bounces: 4,
+        seed: 5,
+    };
+    vpl::trace(&lit, tracer, &spec, &mut bounced);
+    bounced.set_radius(0.2);
+    vec![
+        ("none", LightSet::default()),
+        ("one", one),
+        ("two alike", twins),
+        ("150 points", points),
+        ("points and parallel light", mixed),
+        ("virtual lights", bounced),
+    ]
+}
+
+/// Gather points on floor, wall, block, in a corner, and right beside a light.
+fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
+    let hits = [
+        (0, 0.3, 0.3),
+        (1, 0.7, 0.1),
+        (1, 0.99, 0.005),
+        (2, 0.4, 0.5),
+        (3, 0.2, 0.05),
+        (4, 0.3, 0.3),
+        (7, 0.5, 0.2),
+    ];
+    hits.into_iter()
+        .map(|(triangle, u, v)| {
+            let hit = Hit {
+                t: 1.0,
+                triangle,
+                u,
+                v,
+            };
+            let toward = Vec3::new(0.3, 1.5, 3.0);
+            let at = scene.surface(&hit, Vec3::NEG_Y).position;
+            let direction = (at - toward).normalize();
+            GatherPoint::new(&scene.surface(&hit, direction), -direction, Vec3::ONE, 0)
+        })
+        .collect()
+}
+
+/// Estimates of the light at `x`, one a slot.
+struct Estimates<'a> {
+    inputs: &'a Inputs,
+    tracer: &'a Tracer,
+    x: GatherPoint,
+    count: u32,
+}
+
+impl Visitor for Estimates<'_> {
+    type Output = (bool, Vec<DVec3>, Counters);
+
+    fn visit<'m, M: Method<'m>>(self, method: M) -> Self::Output {
+        let mut queue_scratch = QueueScratch::default();
+        let mut scratch = M::Scratch::default();
+        let slots = self.count as usize;
+        let lights = &self.inputs.lights;
+        let mut queue = ShadowQueue::new(
+            lights,
+            self.tracer,
+            VirtualShape::Sphere,
+            slots,
+            &mut queue_scratch,
+        );
+        for slot in 0..self.count {
+            let stream = |purpose| Rng::new(31, u64::from(slot), 0, purpose);
+            queue.begin_point(stream(Purpose::LightSurface));
+            let x = GatherPoint { slot, ..self.x };
+            method.point(&x, &mut queue, &mut stream(Purpose::Lights), &mut scratch);
+            queue.end_point();
+        }
+        let (counters, sums) = queue.finish();
+        (method.is_unbiased(), sums.to_vec(), counters)
+    }
+}
+
+fn running(values: &[DVec3], channel: usize) -> Running {
+    let mut running = Running::default();
+    for v in values {
+        running.add(v[channel]);
+    }
+    running
+}
+
+#[test]
+fn unbiased_methods_agree_with_all_lights() {
+    let mut scores = Vec::new();
+    for glossy in [false, true] {
+        let scene = room(glossy);
+        let tracer = Tracer::build(&scene);
+        for (name, lights) in light_sets(&scene, &tracer) {
+            let inputs = Inputs::new(lights);
+            for x in gather_points(&scene) {
+                let estimates = |method: &MethodSpec, count| {
+                    let estimates = Estimates {
+                        inputs: &inputs,
+                        tracer: &tracer,
+                        x,
+                        count,
+                    };
+                    method.visit(&inputs, estimates)
+                };
+                let (_, exact, _) = estimates(&MethodSpec::AllLights(Default::default()), 200);
+                for method in MethodSpec::all() {
+                    let (unbiased, values, counters) = estimates(&method, 4000);
+                    assert_eq!(counters.nonfinite, 0, "{} with {name}", method.name());
+                    if !unbiased {
+                        continue;
+                    }
+                    for channel in 0..3 {
+                        let (estimate, truth) =
+                            (running(&values, channel), running(&exact, channel));
+                        // All-lights draws a point inside virtual lights that straddle a horizon: it has a variance too.
+                        let variance = estimate.variance_of_mean() + truth.variance_of_mean();
+                        let z = z_test(estimate.mean(), variance, truth.mean());
+                        scores.push((
+                            z,
+                            method.name(),
+                            name,
+                            x.position,
+                            estimate.mean(),
+                            truth.mean(),
+                        ));
+                    }
+                }
+            }
+        }
+    }
+    assert!(scores.len() > 250, "only {} comparisons", scores.len());
+    let limit = critical_z(sidak(FALSE_ALARM, scores.len()));
+    for (z, method, lights, at, estimate, truth) in scores {
+        // 4000 estimates whose tail is heavy are not quite normal: a fifth more room.
+        assert!(
+            z.abs() < 1.2 * limit,
+            "{method}, {lights}, at {at}: {estimate} instead of {truth}, z = {z}"
+        );
+    }
+}
+
+#[test]
+fn shadow_rays_wait_for_a_batch_without_changing_a_bit() {
+    let scene = room(false);
+    let tracer = Tracer::build(&scene);
+    let (_, lights) = light_sets(&scene, &tracer).swap_remove(3);
+    let inputs = Inputs::new(lights);
+    for x in gather_points(&scene) {
+        let mut scratch = QueueScratch::default();
+        let mut queue = ShadowQueue::new(
+            &inputs.lights,
+            &tracer,
+            VirtualShape::Sphere,
+            1,
+            &mut scratch,
+        );
+        let mut at_once = DVec3::ZERO;
+        for id in inputs.lights.ids() {
+            queue.add(&x, id, 1.0);
+            at_once += queue.radiance(&x, id).as_dvec3();
+        }
+        let (_, sums) = queue.finish();
+        assert_eq!(sums[0], at_once, "at {}", x.position);
+    }
+}
+
+#[test]
+fn a_method_reports_nothing_where_there_is_nothing_to_see() {
+    let scene = room(false);
+    let tracer = Tracer::build(&scene);
+    let mut behind = LightSet::default();
+    behind.push_point(Vec3::new(0.0, -1.0, 0.0), Vec3::ONE);
+    let inputs = Inputs::new(behind);
+    let x = gather_points(&scene)[0];
+    for method in MethodSpec::all() {
+        let estimates = Estimates {
+            inputs: &inputs,
+            tracer: &tracer,
+            x,
+            count: 10,
+        };
+        let (_, values, counters) = method.visit(&inputs, estimates);
+        assert!(
+            values.iter().all(|v| *v == DVec3::ZERO),
+            "{}: light from below the floor",
+            method.name()
+        );
+        assert_eq!(
+            counters.shadow_rays,
+            0,
+            "{}: a ray to a light below the horizon",
+            method.name()
+        );
+    }
+}
