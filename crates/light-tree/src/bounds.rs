@@ -49,7 +49,8 @@ impl Receiver {
     }
 
     /// Upper bound of cos⁺ of the angle between the normal and the direction to any point of the box;
-    /// 0 only when no point of it is above the horizon.
+    /// 0 only when no point of it is above the horizon. A box that is the receiver's position alone has 0: a
+    /// light there has no direction and lights nothing.
     ///
     /// Source: Walter et al. 2005, §3.2: the box is bounded in a frame about the normal, and the cosine
     /// z/√(x²+y²+z²) is greatest for the greatest z and the least |x| and |y|.
@@ -66,15 +67,10 @@ impl Receiver {
         let top = c.z + e.z;
         let beside = (c.abs() - e).max(Vec3A::ZERO);
         let across2 = beside.x * beside.x + beside.y * beside.y;
-        // At the receiver itself 0/0: any direction is possible there.
-        let bound = top / (across2 + top * top).sqrt();
-        if top > 0.0 {
-            bound
-        } else if half == Vec3A::ZERO && centre == Vec3A::ZERO {
-            1.0
-        } else {
-            0.0
-        }
+        // No branch: which boxes are below the horizon cannot be predicted. Above it, a length whose square
+        // underflows must not divide by 0; below it the quotient is negative.
+        let length = (across2 + top * top).sqrt().max(f32::MIN_POSITIVE);
+        (top / length).clamp(0.0, 1.0)
     }
 
     /// Upper bound of cos⁺ between the normal and the direction against the travel of parallel light in
@@ -303,11 +299,13 @@ mod tests {
     }
 
     #[test]
-    fn a_box_below_the_horizon_is_dark_and_one_at_the_receiver_is_not() {
+    fn a_box_below_the_horizon_is_dark_and_one_around_the_receiver_is_not() {
         let receiver = Receiver::new(Vec3::ZERO, Vec3::Y);
         let below = boxed(Vec3::new(-1.0, -2.0, -1.0), Vec3::new(1.0, -1.0, 1.0));
         assert_eq!(receiver.cos_bound(&below), 0.0, "below");
         let here = boxed(Vec3::ZERO, Vec3::ZERO);
-        assert_eq!(receiver.cos_bound(&here), 1.0, "a light at the receiver");
+        assert_eq!(receiver.cos_bound(&here), 0.0, "a light at the receiver");
+        let around = boxed(Vec3::splat(-1e-30), Vec3::splat(1e-30));
+        assert_eq!(receiver.cos_bound(&around), 1.0, "a tiny box around it");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::bounds::Receiver;
 use crate::lights::LightId;
-use crate::tree::{LightTree, NodeId};
+use crate::tree::{LightTree, NodeId, Pair};
 use crate::weight::NodeWeights;
 
 /// What happens when neither child of a node can light the receiver.
@@ -47,15 +47,16 @@ fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
     if !(sum > 0.0) {
         return None;
     }
-    let p0 = w0 / sum;
-    // A child of weight 0 is never taken: p0 = 1 takes all u < 1, p0 = 0 takes none.
-    // 1 − p0 would cancel when p0 is near 1.
-    let (child, p, rescaled) = if u < p0 {
-        (0, p0, u / p0)
-    } else {
-        (1, w1 / sum, (u - p0) * sum / w1)
-    };
-    Some((child, p, rescaled.clamp(0.0, BELOW_ONE)))
+    // Selected, not branched on: the outcome is random, and a wrong guess costs more than the sums.
+    // A child of weight 0 is never taken: scaled < w0 fails for w0 = 0 and holds for w0 = sum.
+    let scaled = u * sum;
+    let right = scaled >= w0 && w1 > 0.0;
+    let (w, passed) = if right { (w1, w0) } else { (w0, 0.0) };
+    Some((
+        u32::from(right),
+        w / sum,
+        ((scaled - passed) / w).clamp(0.0, BELOW_ONE),
+    ))
 }
 
 /// Draws one light from each of many clusters, all descending side by side so that the memory latencies of
@@ -130,6 +131,23 @@ enum Step {
 }
 
 impl LightTree {
+    /// Asks for the memory that the next step below `id` reads: by the time its turn comes it has arrived.
+    #[inline(always)]
+    fn prefetch_children(&self, id: NodeId) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(first) = self.node(id).first_child() {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let address: *const Pair = &raw const self.pairs[(first.0 >> 1) as usize];
+            #[allow(unsafe_code, reason = "the only way to prefetch")]
+            // SAFETY: a prefetch reads nothing the program can see and never faults.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(address.cast::<i8>());
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = id;
+    }
+
     #[inline]
     fn descend(&self, weights: NodeWeights, receiver: &Receiver, descent: &mut Descent) -> Step {
         let node = self.node(descent.node);
@@ -140,6 +158,7 @@ impl LightTree {
             return Step::Dead;
         };
         descent.node = NodeId(first.0 + child);
+        self.prefetch_children(descent.node);
         descent.pmf *= p;
         descent.u = u;
         // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from none.

@@ -37,37 +37,59 @@ impl LightTree {
     #[inline]
     fn weigh_yuksel2019(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
         let pair = self.pair(first);
-        let mut lit = [0.0f32; 2];
-        let mut least2 = [f32::INFINITY; 2];
-        let mut near = false;
-        let mut diagonal2 = 0.0f32;
-        for (k, node) in pair.iter().enumerate() {
-            if !node.has_positions() {
-                continue;
-            }
-            let seen = receiver.relative(node);
-            let d2 = seen.least2();
-            let node_diagonal2 = seen.diagonal2();
-            lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
-            // A light alone in its box, at the receiver, is near as well.
-            near |= d2 <= node_diagonal2;
-            diagonal2 = diagonal2.max(node_diagonal2);
-            least2[k] = d2.max(self.least_dist2);
+        let seen = [receiver.relative(&pair[0]), receiver.relative(&pair[1])];
+        let nearest2 = [seen[0].least2(), seen[1].least2()];
+        let diagonal2 = [seen[0].diagonal2(), seen[1].diagonal2()];
+        let lit = [
+            receiver.cos_bound_over(&seen[0]) * pair[0].intensity,
+            receiver.cos_bound_over(&seen[1]) * pair[1].intensity,
+        ];
+        // A light alone in its box, at the receiver, is near as well.
+        let near = (nearest2[0] <= diagonal2[0]) | (nearest2[1] <= diagonal2[1]);
+        let least2 = nearest2.map(|d2| d2.max(self.least_dist2));
+        if !self.directional.is_empty() {
+            let common2 = diagonal2[0].max(diagonal2[1]).max(self.least_dist2);
+            return self.weigh_with_parallel(
+                receiver,
+                first,
+                lit,
+                if near { [common2; 2] } else { least2 },
+            );
         }
-        let falloff = if near {
-            // The distance is dropped. Only lights without falloff notice the common unit it leaves.
-            let common2 = diagonal2.max(self.least_dist2);
-            [if common2 > 0.0 { 1.0 / common2 } else { 1.0 }; 2]
+        // Only the ratio of the distances matters. Not near means not 0.
+        let ratio = if near { 1.0 } else { least2[0] / least2[1] };
+        let weights = [lit[0], lit[1] * ratio];
+        let sum = weights[0] + weights[1];
+        if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) {
+            weights
         } else {
-            // Not near, so not 0.
-            least2.map(|d2| 1.0 / d2)
+            rescue(weights, lit)
+        }
+    }
+
+    /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ of two children, for squared distances `dist2` in one unit with the intensities.
+    ///
+    /// Where the distance is dropped `dist2` is the same for both: only parallel light notices its value.
+    fn weigh_with_parallel(
+        &self,
+        receiver: &Receiver,
+        first: NodeId,
+        lit: PairWeights,
+        dist2: [f32; 2],
+    ) -> PairWeights {
+        let falloff = |k: usize| {
+            // A child without positional lights is infinitely far, and dark by this term.
+            if lit[k] > 0.0 {
+                if dist2[k] > 0.0 {
+                    lit[k] / dist2[k]
+                } else {
+                    f32::MAX
+                }
+            } else {
+                0.0
+            }
         };
-        self.finish(
-            receiver,
-            first,
-            [lit[0] * falloff[0], lit[1] * falloff[1]],
-            lit,
-        )
+        self.finish(receiver, first, [falloff(0), falloff(1)], lit)
     }
 
     #[inline]
