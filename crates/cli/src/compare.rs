@@ -21,12 +21,13 @@ pub(crate) fn run(arguments: &CompareArgs) -> Result<(), CliError> {
         }
     }
     match arguments.max_relmse {
-        // Written so that a figure that is no number fails too.
-        Some(limit) if !(metrics.relmse <= limit) => Err(CliError::Limit(format!(
-            "{}: relmse is {:e}; expected at most {limit:e}",
-            arguments.image.display(),
-            metrics.relmse
-        ))),
+        Some(limit) if metrics.relmse.is_nan() || metrics.relmse > limit => {
+            Err(CliError::Limit(format!(
+                "{}: relmse is {:e}; expected at most {limit:e}",
+                arguments.image.display(),
+                metrics.relmse
+            )))
+        }
         _ => Ok(()),
     }
 }

@@ -363,19 +363,19 @@ fn split(context: &Context, items: &mut [Item]) -> usize {
     for item in items.iter().step_by(stride) {
         let coordinates = six(item.position, item.axis);
         let (position, axis) = (Vec3A::from(item.position), Vec3A::from(item.axis));
-        for d in 0..grid.dims {
-            bins[d][grid.bin(d, coordinates[d])].add(position, axis, item.intensity);
+        for (d, bins) in bins.iter_mut().enumerate().take(grid.dims) {
+            bins[grid.bin(d, coordinates[d])].add(position, axis, item.intensity);
         }
     }
     let mut best: Option<(f64, usize, usize)> = None;
-    for d in 0..grid.dims {
+    for (d, bins) in bins.iter().enumerate().take(grid.dims) {
         if grid.scale[d] == 0.0 {
             continue;
         }
         let mut right_cost = [0.0; BINS];
         let mut right = Bin::EMPTY;
         for b in (1..grid.bins).rev() {
-            right.merge(&bins[d][b]);
+            right.merge(&bins[b]);
             right_cost[b] = if right.count > 0 {
                 right.cost(context)
             } else {
@@ -384,7 +384,7 @@ fn split(context: &Context, items: &mut [Item]) -> usize {
         }
         let mut left = Bin::EMPTY;
         for b in 1..grid.bins {
-            left.merge(&bins[d][b - 1]);
+            left.merge(&bins[b - 1]);
             if left.count == 0 || right_cost[b] == f64::INFINITY {
                 continue;
             }

@@ -103,7 +103,7 @@ impl LightSet {
             "virtual light {light:?}"
         );
         check_colour(intensity);
-        if !(luminance(intensity) > 0.0) {
+        if luminance(intensity) <= 0.0 {
             return false;
         }
         self.positions.push(light.position);
@@ -122,7 +122,7 @@ impl LightSet {
     fn push(&mut self, position: Vec3, axis: Vec3, intensity: Vec3, kind: LightKind) -> bool {
         assert!(self.origins.is_empty(), "virtual lights come last");
         check_colour(intensity);
-        if !(luminance(intensity) > 0.0) {
+        if luminance(intensity) <= 0.0 {
             return false;
         }
         self.positions.push(position);

@@ -38,12 +38,18 @@ impl LightTree {
     fn weigh_yuksel2019(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
         let pair = self.pair(first);
         let seen = [receiver.relative(&pair[0]), receiver.relative(&pair[1])];
-        let nearest2 = [seen[0].least2(), seen[1].least2()];
-        let diagonal2 = [seen[0].diagonal2(), seen[1].diagonal2()];
-        let lit = [
+        let mut nearest2 = [seen[0].least2(), seen[1].least2()];
+        let mut diagonal2 = [seen[0].diagonal2(), seen[1].diagonal2()];
+        let mut lit = [
             receiver.cos_bound_over(&seen[0]) * pair[0].intensity,
             receiver.cos_bound_over(&seen[1]) * pair[1].intensity,
         ];
+        if !self.directional.is_empty() {
+            for k in (0..2).filter(|&k| !pair[k].has_positions()) {
+                // An empty box: dark, and far from everything.
+                (lit[k], nearest2[k], diagonal2[k]) = (0.0, f32::INFINITY, 0.0);
+            }
+        }
         // A light alone in its box, at the receiver, is near as well.
         let near = (nearest2[0] <= diagonal2[0]) | (nearest2[1] <= diagonal2[1]);
         let least2 = nearest2.map(|d2| d2.max(self.least_dist2));
@@ -77,17 +83,10 @@ impl LightTree {
         lit: PairWeights,
         dist2: [f32; 2],
     ) -> PairWeights {
-        let falloff = |k: usize| {
-            // A child without positional lights is infinitely far, and dark by this term.
-            if lit[k] > 0.0 {
-                if dist2[k] > 0.0 {
-                    lit[k] / dist2[k]
-                } else {
-                    f32::MAX
-                }
-            } else {
-                0.0
-            }
+        let falloff = |k: usize| match lit[k] {
+            0.0 => 0.0,
+            _ if dist2[k] > 0.0 => lit[k] / dist2[k],
+            _ => f32::MAX,
         };
         self.finish(receiver, first, [falloff(0), falloff(1)], lit)
     }
@@ -265,11 +264,15 @@ mod tests {
                 [(Vec3::ONE, 1.0), (Vec3::ONE * 2.0, 1.0)],
                 [(Vec3::ONE, 1.0), (Vec3::ONE, 1e30)],
             ] {
-                let share = pair_share(&lights, &x, weights);
-                assert!(
-                    (0.0..=1.0).contains(&share),
-                    "{weights:?} {lights:?}: {share}"
-                );
+                let mut set = LightSet::default();
+                for (p, i) in lights {
+                    set.push_point(p, Vec3::splat(i));
+                }
+                let tree = LightTree::build(&set).expect("has lights");
+                let first = tree.node(tree.root()).first_child().expect("two lights");
+                let w = tree.weigh(weights, &x, first);
+                let sound = w.iter().all(|w| w.is_finite() && *w >= 0.0);
+                assert!(sound, "{weights:?} {lights:?}: {w:?}");
             }
         }
     }

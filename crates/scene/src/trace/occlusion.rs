@@ -4,7 +4,7 @@
 //! one node each, and each asks for its next node before it yields: by the time its turn comes the
 //! node has arrived. Answers do not depend on the order, so neither do bits.
 
-use super::bvh8::{self, Bvh8, NodeBox, WIDTH};
+use super::bvh8::{self, Bvh8, NodeBox};
 use super::triangle::WatertightRay;
 use super::{Ray, Tracer};
 
@@ -87,10 +87,10 @@ impl Tracer {
         }
         let node = &self.bvh.nodes[link as usize];
         let near = node.intersect(&lane.query, lane.t_max);
-        for k in 0..WIDTH {
+        for (link, near) in node.links.iter().zip(near) {
             // Written whether met or not: no branch to mispredict.
-            lane.stack[lane.top] = node.links[k];
-            lane.top += usize::from(near[k] != f32::INFINITY);
+            lane.stack[lane.top] = *link;
+            lane.top += usize::from(near != f32::INFINITY);
         }
         if lane.top > 0 {
             prefetch(&self.bvh, lane.stack[lane.top - 1]);
