@@ -171,13 +171,13 @@ fn lozenges(u: f32, v: f32) -> Colour {
     let edge = inside[0].min(inside[1]);
     let odd = (i + j).rem_euclid(2) == 1;
     if edge < 0.055 {
-        marble(u, v, [118.0, 132.0, 124.0], [160.0, 170.0, 160.0], 80)
+        marble(u, v, [88.0, 104.0, 96.0], [140.0, 150.0, 140.0], 80)
     } else if odd {
         // A white heart in the red stone.
         if edge > 0.3 {
             marble(u, v, [224.0, 218.0, 206.0], [190.0, 180.0, 168.0], 84)
         } else {
-            marble(u, v, [182.0, 122.0, 104.0], [208.0, 166.0, 150.0], 88)
+            marble(u, v, [164.0, 92.0, 76.0], [200.0, 146.0, 128.0], 88)
         }
     } else {
         marble(u, v, [226.0, 220.0, 208.0], [186.0, 178.0, 168.0], 92)
@@ -208,7 +208,7 @@ fn glass(u: f32, v: f32) -> Colour {
         8 => [66.0, 128.0, 88.0],
         _ => [178.0, 190.0, 196.0],
     };
-    scale(pane, 0.85 + 0.3 * value(u, v, 40, 98))
+    scale(pane, 0.95 + 0.3 * value(u, v, 40, 98))
 }
 
 /// Oak boards along u.
@@ -219,7 +219,7 @@ fn oak(u: f32, v: f32) -> Colour {
     let gap = if f.min(1.0 - f) < 0.03 { 0.6 } else { 1.0 };
     let tone = 0.9 + 0.2 * uniform(board, 0, 103);
     scale(
-        mix([116.0, 82.0, 52.0], [150.0, 110.0, 72.0], grain),
+        mix([136.0, 98.0, 63.0], [168.0, 126.0, 84.0], grain),
         gap * tone,
     )
 }
