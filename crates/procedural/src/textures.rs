@@ -94,7 +94,7 @@ fn stone(u: f32, v: f32, tone: f32, warm: f32) -> Colour {
     let base = mix([222.0, 215.0, 201.0], [214.0, 199.0, 174.0], warm);
     let clouds = cloud(u, v, 10, 7) - 0.5;
     let grain = value(u, v, 170, 11) - 0.5;
-    scale(base, 1.0 + 0.09 * tone + 0.10 * clouds + 0.035 * grain)
+    scale(base, 1.0 + 0.12 * tone + 0.10 * clouds + 0.035 * grain)
 }
 
 /// Wall blocks of 0.6 m by 0.3 m at 2.4 m to the copy.
@@ -105,7 +105,7 @@ fn ashlar(u: f32, v: f32) -> Colour {
     let face = stone(u, v, tone, 0.75 * warm * warm);
     let joint = ((block.edge - 0.0016) / 0.0022).clamp(0.0, 1.0);
     mix(
-        scale([182.0, 173.0, 157.0], 0.96 + 0.08 * cloud(u, v, 20, 5)),
+        scale([164.0, 154.0, 137.0], 0.96 + 0.08 * cloud(u, v, 20, 5)),
         face,
         joint,
     )
@@ -118,7 +118,7 @@ fn drum(u: f32, v: f32) -> Colour {
     let tone = uniform(y as u32, 5, 31) - 0.5;
     let warm = 0.5 * uniform(y as u32, 6, 31);
     let joint = ((fy.min(1.0 - fy) / 4.0 - 0.0018) / 0.003).clamp(0.0, 1.0);
-    mix([190.0, 182.0, 167.0], stone(u, v, 0.7 * tone, warm), joint)
+    mix([168.0, 159.0, 143.0], stone(u, v, 0.7 * tone, warm), joint)
 }
 
 /// Vault webs: thin courses along the ridge, limewashed.
