@@ -85,7 +85,16 @@ struct Top {
     depth: u32,
 }
 
-pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
+/// Which lights get a subtree of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Apart {
+    /// Those without a place.
+    Directional,
+    /// Those of each kind.
+    Kinds,
+}
+
+pub(crate) fn build(lights: &LightSet, apart: Apart) -> Option<LightTree> {
     let n = lights.len();
     assert!(
         n <= MAX_LIGHTS,
@@ -104,9 +113,19 @@ pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
         })
         .collect();
     // Directional lights have no place: they get a subtree of their own beside all the others.
-    let parallel = lights.count(LightKind::Directional);
-    if parallel > 0 {
-        items.sort_by_key(|i| (lights.kind(LightId(i.id)) == LightKind::Directional, i.id));
+    let rank = |id| match lights.kind(LightId(id)) {
+        LightKind::Directional => 2,
+        LightKind::Virtual if apart == Apart::Kinds => 1,
+        LightKind::Omni | LightKind::Virtual => 0,
+    };
+    let mut groups = [0; 3];
+    for i in &items {
+        groups[rank(i.id)] += 1;
+    }
+    let parallel = groups[2];
+    let groups: Vec<usize> = groups.into_iter().filter(|&count| count > 0).collect();
+    if groups.len() > 1 {
+        items.sort_by_key(|i| (rank(i.id), i.id));
     }
     let positional = n - parallel;
 
@@ -143,8 +162,7 @@ pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
         directional: directional_below,
         first: 1,
     };
-    let forced = (parallel > 0 && positional > 0).then_some(positional);
-    let root = subtree(&context, lights, &mut items, out, 0, forced);
+    let root = subtree(&context, lights, &mut items, out, 0, &groups);
     root_pair[0].0[0] = root.node;
     if let Some(c) = root_cone.first_mut() {
         c[0] = root.cone;
@@ -163,30 +181,28 @@ pub(crate) fn build(lights: &LightSet) -> Option<LightTree> {
     })
 }
 
-/// Builds the subtree over `items`, split after `forced` items when that is given.
+/// Builds the subtree over `items`, which are `groups` of these lengths that are kept apart.
 fn subtree(
     context: &Context,
     lights: &LightSet,
     items: &mut [Item],
     out: Out<'_>,
     depth: u32,
-    forced: Option<usize>,
+    groups: &[usize],
 ) -> Top {
     let n = items.len();
     if n == 1 {
         return leaf(lights, LightId(items[0].id), items[0].intensity);
     }
-    let left = forced.unwrap_or_else(|| {
-        if depth >= context.balance_below {
-            halve(items)
-        } else {
-            split(context, items)
-        }
-    });
+    let (left, groups) = match groups {
+        [others @ .., last] if !others.is_empty() => (n - last, others),
+        _ if depth >= context.balance_below => (halve(items), groups),
+        _ => (split(context, items), groups),
+    };
     let (own, out_l, out_r) = out.split(left);
     let (items_l, items_r) = items.split_at_mut(left);
-    let build_l = |items| subtree(context, lights, items, out_l, depth + 1, None);
-    let build_r = |items| subtree(context, lights, items, out_r, depth + 1, None);
+    let build_l = |items| subtree(context, lights, items, out_l, depth + 1, groups);
+    let build_r = |items| subtree(context, lights, items, out_r, depth + 1, &[]);
     // Smaller tasks cost more to hand over than to do.
     let (l, r) = if n > 4096 {
         rayon::join(|| build_l(items_l), || build_r(items_r))
