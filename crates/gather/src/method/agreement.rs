@@ -25,7 +25,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
     };
     vpl::trace(&scene, &tracer, &spec, &mut lights);
     lights.set_radius(vpl::neighbour_distance(&lights, 10));
-    (scene, tracer, Inputs::new(lights))
+    (scene, tracer, Inputs::new(lights, TreeBuilder::Binned))
 }
 
 /// What the camera sees through the centres of a `width` × `height` picture's pixels.
