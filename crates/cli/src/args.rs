@@ -55,21 +55,25 @@ pub(crate) struct JobArgs {
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) job: JobArgs,
-    /// Stop after the pass in which this many seconds of rendering fall
+    /// Stop after the pass in which this many seconds of rendering fall, those before --resume included
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub(crate) max_seconds: Option<f64>,
     /// Threads; all processors when not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub(crate) threads: Option<u16>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub(crate) out: PathBuf,
     /// Name of the results; the run file's when not given
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = parse_name)]
     pub(crate) name: Option<String>,
     /// Render only the I-th of N parts, from 1; `manylight merge` puts them together
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub(crate) shard: Option<Shard>,
+    /// Go on from NAME.state, which an interrupted or time-limited render left in the folder for results; the
+    /// bits are those of a render without interruption. Without such a file, begin from the start
+    #[arg(long)]
+    pub(crate) resume: bool,
     /// Say nothing but errors
     #[arg(long)]
     pub(crate) quiet: bool,
@@ -94,7 +98,7 @@ pub(crate) struct CompareArgs {
     #[arg(long)]
     pub(crate) json: bool,
     /// Exit with 1 when relmse is above this
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = parse_limit)]
     pub(crate) max_relmse: Option<f64>,
 }
 
@@ -139,6 +143,18 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
     ])
 }
 
+/// A file name without folders.
+fn parse_name(text: &str) -> Result<String, String> {
+    let plain = !matches!(text, "" | "." | "..") && !text.contains(['/', '\\', '\0']);
+    // The file system allows 255 bytes, endings among them.
+    match plain && text.len() <= 240 {
+        true => Ok(text.to_owned()),
+        false => Err(format!(
+            "found {text:?}; expected a file name of 1 to 240 bytes without folders (see --out)"
+        )),
+    }
+}
+
 /// Finite and not negative.
 fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -146,6 +162,14 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
         _ => Err(format!(
             "found {text}; expected a number of seconds, 0 or more"
         )),
+    }
+}
+
+/// A number that a figure can be above: not NaN, not negative.
+fn parse_limit(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x >= 0.0 => Ok(x),
+        _ => Err(format!("found {text}; expected a number, 0 or more")),
     }
 }
 

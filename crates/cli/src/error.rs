@@ -22,13 +22,17 @@ pub(crate) enum CliError {
     /// A comparison came out worse than its limit.
     #[error("{0}")]
     Limit(String),
+    /// Someone wanted it to stop; what is done so far is saved.
+    #[error("{0}")]
+    Interrupted(String),
 }
 
 impl CliError {
-    /// 1 for a failed comparison, 2 for bad input or usage.
+    /// 1 for a failed comparison, 2 for bad input or usage, 3 when interrupted.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Limit(_) => 1,
+            Self::Interrupted(_) => 3,
             _ => 2,
         }
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gather::{MethodSpec, VirtualShape};
-use ron_file::Override;
+use ron_file::{Override, Place, RonError};
 use serde::Deserialize;
 
 use crate::args::JobArgs;
@@ -184,6 +184,8 @@ const BARE: &[&str] = &["Virtual", "Vsl", "Vpl"];
 /// A sound job: every number is in range and the scene file is there to be read.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
+    /// The run file.
+    pub(crate) file: PathBuf,
     /// `scene.ron`.
     pub(crate) scene: PathBuf,
     pub(crate) width: u32,
@@ -228,8 +230,24 @@ impl Job {
             .config
             .file_stem()
             .map(|s| s.to_string_lossy().into_owned());
+        let scene =
+            scene::load::expand(&spec.scene).map_err(|e| scene_error(arguments, &e.to_string()))?;
+        let scene = folder.join(scene);
+        if !scene.is_file() {
+            let what = match scene.is_dir() {
+                true => "is a folder",
+                false => "is not there",
+            };
+            let message = format!(
+                "found {:?}: {} {what}; expected the path of a scene.ron, relative to the run file",
+                spec.scene,
+                scene.display()
+            );
+            return Err(scene_error(arguments, &message));
+        }
         Ok(Self {
-            scene: folder.join(scene::load::expand(&spec.scene)?),
+            file: arguments.config.clone(),
+            scene,
             width,
             height,
             spp,
@@ -264,6 +282,26 @@ impl Job {
         };
         u64::from(self.width) * u64::from(self.height) * PIXEL + lights * LIGHT
     }
+}
+
+/// An error about the run file's `scene`, at the place it comes from.
+fn scene_error(arguments: &JobArgs, message: &str) -> CliError {
+    let set = arguments.overrides.iter().rfind(|set| set.path == "scene");
+    if let Some(set) = set {
+        return CliError::Ron(RonError::Set {
+            set: set.to_string(),
+            message: message.to_owned(),
+        });
+    }
+    // It was read a moment ago; should it be gone, the error is still about the right file.
+    let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
+    let place = ron_file::place(&text, "scene").unwrap_or(Place { line: 1, column: 1 });
+    CliError::Ron(RonError::File {
+        file: arguments.config.display().to_string(),
+        line: place.line,
+        column: place.column,
+        message: format!("scene: {message}"),
+    })
 }
 
 fn extent(what: &str, value: u32) -> Result<u32, CliError> {

@@ -4,12 +4,16 @@ mod args;
 mod check;
 mod compare;
 mod error;
+mod fingerprint;
+mod interrupt;
 mod job;
 mod machine;
 mod merge;
+mod output;
 mod progress;
 mod render;
 mod report;
+mod state;
 mod write_scene;
 
 use std::process::ExitCode;
@@ -17,6 +21,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use args::{Arguments, Command};
+use error::CliError;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -29,7 +34,11 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            match &error {
+                // Asked for, and no error.
+                CliError::Interrupted(message) => eprintln!("{message}"),
+                _ => eprintln!("error: {error}"),
+            }
             ExitCode::from(error.exit_code())
         }
     }

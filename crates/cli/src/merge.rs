@@ -4,8 +4,10 @@ use film::{Exposure, Picture};
 
 use crate::args::MergeArgs;
 use crate::error::CliError;
+use crate::output::check_file;
 
 pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
+    check_file(&arguments.out)?;
     let mut parts = Vec::new();
     let mut attributes: Option<Vec<(String, String)>> = None;
     for path in &arguments.shards {

@@ -1,6 +1,7 @@
 //! `manylight render`.
 
-use std::time::Instant;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use film::{Exposure, Image, Picture};
 use gather::{Inputs, Pass, Render, RenderSpec, Shard};
@@ -11,10 +12,13 @@ use vpl::{VirtualLightSpec, VirtualLightStats};
 
 use crate::args::RenderArgs;
 use crate::error::CliError;
+use crate::interrupt;
 use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
 use crate::machine::{available_memory, human};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::report::{self, Measured, PassError, SetUpSeconds};
+use crate::state::{self, Resumed, Saved, Subject};
 
 /// Neighbours that a virtual light's sphere reaches when no radius is given.
 const RADIUS_NEIGHBOURS: usize = 10;
@@ -31,6 +35,8 @@ pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
 
 fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<(), CliError> {
     refuse_too_large(job)?;
+    let name = arguments.name.as_deref().unwrap_or(&job.name);
+    let output = Output::new(&arguments.out, name)?;
     let reference = arguments
         .reference
         .as_deref()
@@ -39,23 +45,42 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     if let Some(reference) = &reference {
         refuse_other_size(job, reference, arguments)?;
     }
+    let saved = match arguments.resume {
+        true => Saved::open(&output.state)?,
+        false => None,
+    };
     let mut seconds = SetUpSeconds::default();
     let prepared = Prepared::new(job, &mut seconds, progress)?;
-    let spec = RenderSpec {
-        width: job.width,
-        height: job.height,
-        spp: job.spp,
-        seed: job.seed,
-        shape: job.shape(),
-        shard: arguments.shard.unwrap_or(Shard::ALL),
-    };
+    let shard = arguments.shard.unwrap_or(Shard::ALL);
     let mut render = Render::new(
         &prepared.scene,
         &prepared.tracer,
         &prepared.inputs,
         &job.method,
-        spec,
+        RenderSpec {
+            width: job.width,
+            height: job.height,
+            spp: job.spp,
+            seed: job.seed,
+            shape: job.shape(),
+            shard,
+        },
     );
+    let subject = Subject::of(job, &prepared.scene, shard);
+    let mut passes = Vec::new();
+    if let Some(saved) = saved {
+        Resumed { render, passes } = saved.resume(&subject, render)?;
+        progress.line(&format!(
+            "going on from {}: {} of {} samples a pixel, {:.1} s",
+            output.state.display(),
+            render.spp(),
+            job.spp,
+            render.seconds()
+        ));
+    } else if arguments.resume {
+        let state = output.state.display();
+        progress.line(&format!("{state} is not there: beginning from the start"));
+    }
     // The first pass would build the tree inside the time that is called rendering.
     let started = Instant::now();
     render.prepare();
@@ -69,11 +94,17 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
         ));
     }
 
+    let stop = interrupt::flag();
+    render.stop_on(stop);
+    let mut checkpoint = Checkpoint::new();
+    let enough = |render: &Render<'_>| {
+        let limit = arguments.max_seconds;
+        render.spp() > 0 && limit.is_some_and(|limit| render.seconds() >= limit)
+    };
     progress.start_bar("render");
-    let mut errors = Vec::new();
-    let mut before = 0;
-    loop {
-        let share = render.next_samples() as f64 / f64::from(job.spp);
+    progress.advance(f64::from(render.spp()) / f64::from(job.spp));
+    while !enough(&render) {
+        let share = f64::from(render.next_samples()) / f64::from(job.spp);
         let Some(pass) = render.pass(&|tile| progress.advance(tile * share)) else {
             break;
         };
@@ -84,25 +115,37 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
             )
         });
         if let Some(reference) = &reference {
-            errors.push(pass_error(&render.picture(), reference, pass)?);
+            passes.push(pass_error(&render.picture(), reference, pass)?);
         }
-        before = pass.spp;
-        if arguments
-            .max_seconds
-            .is_some_and(|limit| pass.seconds >= limit)
-        {
-            break;
+        if render.spp() < job.spp && checkpoint.is_due() {
+            let written = state::write(&output.state, &subject, &passes, &render);
+            // The render itself is sound: it may still end well.
+            if let Err(error) = written {
+                progress.line(&format!("warning: no checkpoint: {error}"));
+            }
+            checkpoint.done();
         }
     }
     progress.finish();
-    debug_assert_eq!(before, render.spp(), "every pass was seen");
 
-    let name = arguments.name.clone().unwrap_or_else(|| job.name.clone());
+    let finished = render.spp() == job.spp;
+    if !finished {
+        state::write(&output.state, &subject, &passes, &render)?;
+        if stop.load(Ordering::Relaxed) {
+            return Err(CliError::Interrupted(format!(
+                "interrupted at {} of {} samples a pixel; all that is done is in {}: to go on, give the same \
+                 command with --resume",
+                render.spp(),
+                job.spp,
+                output.state.display()
+            )));
+        }
+    }
     let started = Instant::now();
     let picture = render.picture();
-    let exr = arguments.out.join(format!("{name}.exr"));
-    picture.write_exr(&exr, &report::attributes(job, &prepared.scene))?;
-    picture.write_png(&arguments.out.join(format!("{name}.png")), Exposure::Auto)?;
+    let attributes = report::attributes(job, &prepared.scene, render.spp());
+    picture.write_exr(&output.exr, &attributes)?;
+    picture.write_png(&output.png, Exposure::Auto)?;
     seconds.write = started.elapsed().as_secs_f64();
 
     let final_error = reference
@@ -110,16 +153,54 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
         .transpose()?;
     let measured = Measured {
         seconds,
-        passes: errors,
+        passes,
         final_error,
     };
-    let json = arguments.out.join(format!("{name}.json"));
-    report::write(&json, job, &prepared, &render, &measured)?;
+    report::write(&output.json, job, &prepared, &render, &measured)?;
     progress.line(&format!(
         "wrote {}",
-        exr.with_extension("{exr,png,json}").display()
+        output.exr.with_extension("{exr,png,json}").display()
     ));
+    match finished {
+        true => state::remove(&output.state)?,
+        false => progress.line(&format!(
+            "stopped at {} of {} samples a pixel: to go on, give a larger --max-seconds and --resume",
+            render.spp(),
+            job.spp
+        )),
+    }
     Ok(())
+}
+
+/// Says when an unfinished render is to be saved again, so that a crash costs little.
+struct Checkpoint {
+    last: Instant,
+    begun: Instant,
+    pause: Duration,
+}
+
+impl Checkpoint {
+    const PAUSE: Duration = Duration::from_secs(60);
+
+    fn new() -> Self {
+        let now = Instant::now();
+        Self {
+            last: now,
+            begun: now,
+            pause: Self::PAUSE,
+        }
+    }
+
+    fn is_due(&mut self) -> bool {
+        self.begun = Instant::now();
+        self.last.elapsed() >= self.pause
+    }
+
+    /// Large pictures on slow disks are saved less often: saving takes at most a twentieth of the time.
+    fn done(&mut self) {
+        self.pause = Self::PAUSE.max(self.begun.elapsed() * 20);
+        self.last = Instant::now();
+    }
 }
 
 /// Everything that is made before the first sample.
@@ -206,7 +287,7 @@ pub(crate) fn refuse_too_large(job: &Job) -> Result<(), CliError> {
         Some(available) if needed > available => Err(CliError::Input(format!(
             "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
              lower image.width, image.height or lights.count",
-            job.name,
+            job.file.display(),
             job.width,
             job.height,
             human(needed),

@@ -7,9 +7,10 @@ use film::Metrics;
 use gather::{Plan, Render};
 use light_tree::LightKind;
 use scene::Scene;
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::CliError;
+use crate::fingerprint::fingerprint;
 use crate::job::Job;
 use crate::machine::peak_resident;
 use crate::render::Prepared;
@@ -25,12 +26,19 @@ pub(crate) struct SetUpSeconds {
 }
 
 /// Error against the reference after one pass.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct PassError {
     pub(crate) spp: u32,
     pub(crate) seconds: f64,
+    #[serde(deserialize_with = "number_or_nan")]
     pub(crate) relmse: f64,
+    #[serde(deserialize_with = "number_or_nan")]
     pub(crate) mse: f64,
+}
+
+/// JSON has no NaN: it becomes null.
+fn number_or_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
 /// What the command measured beside the render itself.
@@ -190,16 +198,17 @@ pub(crate) fn write(
     Ok(())
 }
 
-/// What the EXR says about itself: enough to make it again.
-pub(crate) fn attributes(job: &Job, scene: &Scene) -> Vec<(String, String)> {
+/// What the EXR of `spp` samples a pixel says about itself: enough to make it again.
+pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, String)> {
     [
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("commit", env!("MANYLIGHT_COMMIT").to_owned()),
         ("scene", job.scene.display().to_string()),
+        ("scene_content", format!("{:016x}", fingerprint(scene))),
         ("camera", format!("{:?}", scene.camera)),
         ("lights", format!("{:?}", job.lights)),
         ("method", format!("{:?}", job.method)),
-        ("spp", job.spp.to_string()),
+        ("spp", spp.to_string()),
         ("seed", job.seed.to_string()),
     ]
     .into_iter()

@@ -2,6 +2,7 @@
 
 use crate::args::SceneArgs;
 use crate::error::CliError;
+use crate::output::check_folder;
 
 #[allow(clippy::print_stdout, reason = "the answer of the command")]
 pub(crate) fn run(arguments: &SceneArgs) -> Result<(), CliError> {
@@ -22,6 +23,7 @@ pub(crate) fn run(arguments: &SceneArgs) -> Result<(), CliError> {
             procedural::NAMES.join(", ")
         ))
     })?;
+    check_folder(out)?;
     for file in files {
         film::write_atomically(&out.join(&file.name), |to| to.write_all(&file.bytes))?;
     }

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::contribution::unoccluded;
     use arbtest::arbitrary::{Result, Unstructured};
-    use light_tree::{LightId, Receiver, VirtualLight};
+    use light_tree::{LightId, Receiver, TreeBuilder, VirtualLight};
     use sampling::{Purpose, Rng};
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
@@ -213,7 +213,8 @@ mod tests {
                 1 => VirtualShape::ClampedPoint(f32::INFINITY),
                 _ => VirtualShape::Sphere,
             };
-            let Some(tree) = LightTree::build(&lights) else {
+            let builder = *u.choose(&TreeBuilder::ALL)?;
+            let Some(tree) = LightTree::build(&lights, builder) else {
                 return Ok(());
             };
             let representatives = Representatives::choose(&tree, &lights, 0);

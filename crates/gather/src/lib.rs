@@ -23,7 +23,7 @@ pub use shadow_queue::{LightEval, ShadowQueue};
 
 use std::sync::OnceLock;
 
-use light_tree::{LightKind, LightSet, LightTree, Representatives};
+use light_tree::{LightKind, LightSet, LightTree, Representatives, TreeBuilder};
 
 /// A tree for methods that let one light stand for others of its kind.
 #[derive(Debug)]
@@ -38,15 +38,17 @@ struct Clusters {
 pub struct Inputs {
     /// All lights in use.
     pub lights: LightSet,
+    builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
     clusters: OnceLock<Option<Clusters>>,
 }
 
 impl Inputs {
-    /// Inputs over `lights`; no tree yet.
-    pub fn new(lights: LightSet) -> Self {
+    /// Inputs over `lights`; no tree yet, and one by `builder` when it is asked for.
+    pub fn new(lights: LightSet, builder: TreeBuilder) -> Self {
         Self {
             lights,
+            builder,
             tree: OnceLock::new(),
             clusters: OnceLock::new(),
         }
@@ -55,7 +57,7 @@ impl Inputs {
     /// The tree; `None` when there is no light.
     pub fn tree(&self) -> Option<&LightTree> {
         self.tree
-            .get_or_init(|| LightTree::build(&self.lights))
+            .get_or_init(|| LightTree::build(&self.lights, self.builder))
             .as_ref()
     }
 
@@ -70,7 +72,7 @@ impl Inputs {
     fn choose(&self) -> Option<Clusters> {
         let of = |kind| self.lights.count(kind) > 0;
         let tree = if of(LightKind::Omni) && of(LightKind::Virtual) {
-            LightTree::build_by_kind(&self.lights)
+            LightTree::build_by_kind(&self.lights, self.builder)
         } else {
             None
         };

@@ -1,5 +1,8 @@
 //! The tile loop.
 
+mod saved;
+
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use film::{Picture, PixelStats};
@@ -123,6 +126,9 @@ impl Counters {
     }
 }
 
+/// What is watched when nobody wants to stop a render.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
 /// Tile edge in pixels.
 const TILE: u32 = 16;
 
@@ -132,13 +138,15 @@ struct Tile {
     x: u32,
     y: u32,
     width: u32,
+    /// Samples a pixel; all of [`Render::done`], or more when a pass was stopped after this tile.
+    done: u32,
     pixels: Vec<PixelStats>,
     features: Vec<Features>,
     counters: Counters,
 }
 
 /// Sums of what the first hit looks like.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Features {
     albedo: DVec3,
     normal: DVec3,
@@ -169,6 +177,9 @@ pub struct Render<'a> {
     tiles: Vec<Tile>,
     done: u32,
     seconds: f64,
+    /// Of an earlier run that this one continues.
+    before: Counters,
+    stop: &'a AtomicBool,
 }
 
 impl<'a> Render<'a> {
@@ -206,6 +217,7 @@ impl<'a> Render<'a> {
                 x,
                 y,
                 width,
+                done: 0,
                 pixels: vec![PixelStats::default(); pixels],
                 features: vec![Features::default(); pixels],
                 counters: Counters::default(),
@@ -222,10 +234,20 @@ impl<'a> Render<'a> {
             tiles,
             done: 0,
             seconds: 0.0,
+            before: Counters::default(),
+            stop: &NEVER,
         }
     }
 
-    /// Makes the next pass and says how far the render is; `None` when all samples are done.
+    /// Stops the pass under way, and makes no other, as soon as `flag` is set.
+    pub fn stop_on(&mut self, flag: &'a AtomicBool) {
+        self.stop = flag;
+    }
+
+    /// Makes the next pass and says how far the render is; `None` when all samples are done or it was stopped.
+    ///
+    /// A pass that is stopped drops the tiles under way and keeps the finished ones: a later pass, perhaps of a
+    /// [restored](Render::restored) render, makes up for what is missing.
     ///
     /// `tile_done` is called from many threads after each tile, with the share of the pass that it was.
     pub fn pass(&mut self, tile_done: &(impl Fn(f64) + Sync)) -> Option<Pass> {
@@ -233,6 +255,7 @@ impl<'a> Render<'a> {
         if samples == 0 {
             return None;
         }
+        let until = self.done + samples;
         let started = Instant::now();
         self.method.visit(
             self.inputs,
@@ -243,12 +266,16 @@ impl<'a> Render<'a> {
                 spec: &self.spec,
                 camera: &self.camera,
                 tiles: &mut self.tiles,
-                samples: self.done..self.done + samples,
+                until,
+                stop: self.stop,
                 tile_done,
             },
         );
-        self.done += samples;
         self.seconds += started.elapsed().as_secs_f64();
+        if self.tiles.iter().any(|tile| tile.done < until) {
+            return None;
+        }
+        self.done = until;
         Some(Pass {
             spp: self.done,
             seconds: self.seconds,
@@ -277,9 +304,9 @@ impl<'a> Render<'a> {
         self.seconds
     }
 
-    /// Sums over the tiles.
+    /// Sums over the tiles, earlier runs of a restored render included.
     pub fn counters(&self) -> Counters {
-        let mut all = Counters::default();
+        let mut all = self.before;
         for tile in &self.tiles {
             all.merge(&tile.counters);
         }
@@ -299,9 +326,9 @@ impl<'a> Render<'a> {
                 picture.radiance[at] = pixel.mean();
                 picture.variance[at] = pixel.variance_of_mean();
                 picture.samples[at] = pixel.count();
-                if self.done > 0 {
-                    picture.albedo[at] = (features.albedo / f64::from(self.done)).as_vec3();
-                    picture.normal[at] = (features.normal / f64::from(self.done)).as_vec3();
+                if tile.done > 0 {
+                    picture.albedo[at] = (features.albedo / f64::from(tile.done)).as_vec3();
+                    picture.normal[at] = (features.normal / f64::from(tile.done)).as_vec3();
                 }
                 if features.hits > 0 {
                     picture.depth[at] = (features.depth / f64::from(features.hits)) as f32;
@@ -329,7 +356,9 @@ struct PassOf<'a, F> {
     spec: &'a RenderSpec,
     camera: &'a Camera,
     tiles: &'a mut [Tile],
-    samples: std::ops::Range<u32>,
+    /// Samples a pixel that every tile is to have.
+    until: u32,
+    stop: &'a AtomicBool,
     tile_done: &'a F,
 }
 
@@ -338,6 +367,7 @@ struct PassOf<'a, F> {
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
+    features: Vec<Features>,
     method: S,
 }
 
@@ -364,13 +394,18 @@ impl<F> PassOf<'_, F> {
         tile: &mut Tile,
         scratch: &mut Scratch<M::Scratch>,
     ) {
-        let samples = self.samples.len();
+        // A stopped pass may have left a tile ahead of the others.
+        let samples = self.until.saturating_sub(tile.done) as usize;
+        if samples == 0 || self.stop.load(Ordering::Relaxed) {
+            return;
+        }
         let started = Instant::now();
         scratch.points.clear();
+        scratch.features.clone_from(&tile.features);
         for i in 0..tile.pixels.len() {
-            for sample in self.samples.clone() {
-                let slot = i * samples + (sample - self.samples.start) as usize;
-                self.eye_path(tile, i, sample, slot as u32, &mut scratch.points);
+            for sample in tile.done..self.until {
+                let slot = i * samples + (sample - tile.done) as usize;
+                self.eye_path(tile, i, sample, slot as u32, scratch);
             }
         }
         let eye = started.elapsed();
@@ -387,8 +422,11 @@ impl<F> PassOf<'_, F> {
         for x in &scratch.points {
             let (i, sample) = (
                 x.slot as usize / samples,
-                self.samples.start + x.slot % samples as u32,
+                tile.done + x.slot % samples as u32,
             );
+            if self.stop.load(Ordering::Relaxed) {
+                return; // nothing of this tile is kept
+            }
             let pixel = self.pixel_index(tile, i);
             let stream = |purpose| Rng::new(self.spec.seed, pixel, u64::from(sample), purpose);
             queue.begin_point(stream(Purpose::LightSurface));
@@ -408,6 +446,8 @@ impl<F> PassOf<'_, F> {
                 }
             }
         }
+        std::mem::swap(&mut tile.features, &mut scratch.features);
+        tile.done = self.until;
         tile.counters.merge(&counters);
         tile.counters.camera_rays += slots as u64;
         tile.counters.nanoseconds[Phase::Eye as usize] += eye.as_nanos() as u64;
@@ -423,14 +463,7 @@ impl<F> PassOf<'_, F> {
     }
 
     /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
-    fn eye_path(
-        &self,
-        tile: &mut Tile,
-        i: usize,
-        sample: u32,
-        slot: u32,
-        points: &mut Vec<GatherPoint>,
-    ) {
+    fn eye_path<S>(&self, tile: &Tile, i: usize, sample: u32, slot: u32, scratch: &mut Scratch<S>) {
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
@@ -453,22 +486,26 @@ impl<F> PassOf<'_, F> {
             return;
         };
         let surface = self.scene.surface(&hit, direction);
-        let features = &mut tile.features[i];
+        let features = &mut scratch.features[i];
         features.albedo += surface.brdf.albedo_bound().as_dvec3();
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        points.push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
+        scratch
+            .points
+            .push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use light_tree::TreeBuilder;
+
     use super::*;
     use crate::method::StochasticLightcutsSpec;
     use scene::{CameraSpec, Material, MaterialId, Mesh};
 
-    fn floor_scene() -> Scene {
+    pub(super) fn floor_scene() -> Scene {
         let positions = [
             [-5.0, 0.0, -5.0],
             [5.0, 0.0, -5.0],
@@ -496,7 +533,7 @@ mod tests {
         }
     }
 
-    fn lights(n: u32) -> light_tree::LightSet {
+    pub(super) fn lights(n: u32) -> light_tree::LightSet {
         let mut set = light_tree::LightSet::default();
         let mut rng = Rng::new(1, 0, 0, Purpose::Build);
         for _ in 0..n {
@@ -512,7 +549,7 @@ mod tests {
         set
     }
 
-    fn spec() -> RenderSpec {
+    pub(super) fn spec() -> RenderSpec {
         RenderSpec {
             width: 50,
             height: 37,
@@ -526,7 +563,7 @@ mod tests {
     fn rendered(spec: RenderSpec, threads: usize) -> Picture {
         let scene = floor_scene();
         let tracer = Tracer::build(&scene);
-        let inputs = Inputs::new(lights(300));
+        let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
         let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec::default());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -581,7 +618,7 @@ mod tests {
         let tracer = Tracer::build(&scene);
         let mut one = light_tree::LightSet::default();
         one.push_point(Vec3::Y * 2.0, Vec3::ONE);
-        let inputs = Inputs::new(one);
+        let inputs = Inputs::new(one, TreeBuilder::Binned);
         for method in MethodSpec::all() {
             let spec = RenderSpec {
                 width: 1001,
@@ -622,7 +659,7 @@ mod tests {
     fn a_scene_without_lights_is_black_and_sound() {
         let scene = floor_scene();
         let tracer = Tracer::build(&scene);
-        let inputs = Inputs::new(light_tree::LightSet::default());
+        let inputs = Inputs::new(light_tree::LightSet::default(), TreeBuilder::Binned);
         for method in MethodSpec::all() {
             let mut render = Render::new(&scene, &tracer, &inputs, &method, spec());
             while render.pass(&|_| ()).is_some() {}

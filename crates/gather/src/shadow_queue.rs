@@ -88,6 +88,9 @@ impl<'a> ShadowQueue<'a> {
         slots: usize,
         scratch: &'a mut QueueScratch,
     ) -> Self {
+        // A tile that was dropped half way leaves rays behind.
+        scratch.rays.clear();
+        scratch.pending.clear();
         scratch.sums.clear();
         scratch.sums.resize(slots, DVec3::ZERO);
         let rng = Rng::new(0, 0, 0, sampling::Purpose::LightSurface);

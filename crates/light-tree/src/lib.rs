@@ -21,6 +21,7 @@ mod tree;
 mod weight;
 
 pub use bounds::{DistanceRange, Receiver};
+pub use build::TreeBuilder;
 pub use cone::Cone;
 pub use cut::Cut;
 pub use error_bound::{ClusterBound, Falloff, Receivers};

@@ -114,6 +114,7 @@ impl Representatives {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::build::TreeBuilder;
     use crate::lights::{LightKind, VirtualLight, luminance};
     use crate::test_lights::any_lights;
 
@@ -121,7 +122,8 @@ mod tests {
     fn a_node_has_the_light_of_one_child_and_the_intensity_of_both() {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
-            let Some(tree) = LightTree::build(&lights) else {
+            let builder = *u.choose(&TreeBuilder::ALL)?;
+            let Some(tree) = LightTree::build(&lights, builder) else {
                 return Ok(());
             };
             let chosen = Representatives::choose(&tree, &lights, 7);
@@ -156,10 +158,11 @@ mod tests {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
             let by_kind = u.arbitrary()?;
+            let builder = *u.choose(&TreeBuilder::ALL)?;
             let tree = if by_kind {
-                LightTree::build_by_kind(&lights)
+                LightTree::build_by_kind(&lights, builder)
             } else {
-                LightTree::build(&lights)
+                LightTree::build(&lights, builder)
             };
             let Some(tree) = tree else { return Ok(()) };
             assert_eq!(tree.validate(&lights), Ok(()), "the tree");
@@ -206,7 +209,7 @@ mod tests {
                 material: 0,
             });
         }
-        let tree = LightTree::build(&lights).expect("eight lights");
+        let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("eight lights");
         let draws = 20_000_u16;
         let mut counts = [0.0; 8];
         for seed in 0..draws {

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::build;
+use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
 use crate::lights::{LightId, LightKind, LightSet, luminance};
 
@@ -103,15 +103,15 @@ impl LightTree {
     ///
     /// # Panics
     /// When there are more than about a billion lights.
-    pub fn build(lights: &LightSet) -> Option<Self> {
-        build::build(lights, build::Apart::Directional)
+    pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
+        build::build(lights, builder, build::Apart::Directional)
     }
 
     /// As [`build`](Self::build), with lights of each kind in a subtree of their own: for methods where one light
     /// stands for a cluster. Methods that draw one light of a cluster do better with lights together that are
     /// near each other: a third less variance under 120 lamps and 2000 virtual lights.
-    pub fn build_by_kind(lights: &LightSet) -> Option<Self> {
-        build::build(lights, build::Apart::Kinds)
+    pub fn build_by_kind(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
+        build::build(lights, builder, build::Apart::Kinds)
     }
 
     /// The root.

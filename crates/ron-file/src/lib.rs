@@ -31,7 +31,7 @@ pub use set::Override;
 #[derive(Debug, thiserror::Error)]
 pub enum RonError {
     /// The file could not be read.
-    #[error("{file}: {source}")]
+    #[error("{file}: cannot be read ({source}); expected a RON file")]
     Io {
         /// Path as given.
         file: String,

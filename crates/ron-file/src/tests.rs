@@ -437,7 +437,10 @@ fn files_that_are_no_text_are_refused() {
     );
     let missing = read::<Config>(&dir.path().join("b.ron"), &[], VARIANTS);
     let missing = missing.expect_err("no file").to_string();
-    assert!(missing.contains("b.ron: No such file"), "{missing}");
+    assert!(
+        missing.contains("b.ron: cannot be read (No such file"),
+        "{missing}"
+    );
 }
 
 #[test]

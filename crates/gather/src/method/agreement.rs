@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use light_tree::LightSet;
+use light_tree::{LightSet, TreeBuilder};
 use rayon::prelude::*;
 use scene::trace::{Ray, Tracer};
 use scene::{Camera, Scene};
@@ -25,7 +25,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
     };
     vpl::trace(&scene, &tracer, &spec, &mut lights);
     lights.set_radius(vpl::neighbour_distance(&lights, 10));
-    (scene, tracer, Inputs::new(lights))
+    (scene, tracer, Inputs::new(lights, TreeBuilder::Binned))
 }
 
 /// What the camera sees through the centres of a `width` × `height` picture's pixels.

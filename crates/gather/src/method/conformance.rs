@@ -3,7 +3,7 @@
 //! A method added to the list is tested without another line.
 
 use glam::{DVec3, Vec3};
-use light_tree::LightSet;
+use light_tree::{LightSet, TreeBuilder};
 use sampling::{Purpose, Rng};
 use scene::trace::{Hit, Tracer};
 use scene::{Emitter, Material, MaterialId, Mesh, Scene};
@@ -199,7 +199,7 @@ fn unbiased_methods_agree_with_all_lights() {
         let scene = room(glossy);
         let tracer = Tracer::build(&scene);
         for (name, lights) in light_sets(&scene, &tracer) {
-            let inputs = Inputs::new(lights);
+            let inputs = Inputs::new(lights, TreeBuilder::Binned);
             for x in gather_points(&scene) {
                 let estimates = |method: &MethodSpec, count| {
                     let estimates = Estimates {
@@ -253,7 +253,7 @@ fn shadow_rays_wait_for_a_batch_without_changing_a_bit() {
     let scene = room(false);
     let tracer = Tracer::build(&scene);
     let (_, lights) = light_sets(&scene, &tracer).swap_remove(3);
-    let inputs = Inputs::new(lights);
+    let inputs = Inputs::new(lights, TreeBuilder::Binned);
     for x in gather_points(&scene) {
         let mut scratch = QueueScratch::default();
         let mut queue = ShadowQueue::new(
@@ -279,7 +279,7 @@ fn a_method_reports_nothing_where_there_is_nothing_to_see() {
     let tracer = Tracer::build(&scene);
     let mut behind = LightSet::default();
     behind.push_point(Vec3::new(0.0, -1.0, 0.0), Vec3::ONE);
-    let inputs = Inputs::new(behind);
+    let inputs = Inputs::new(behind, TreeBuilder::Binned);
     let x = gather_points(&scene)[0];
     for method in MethodSpec::all() {
         let estimates = Estimates {

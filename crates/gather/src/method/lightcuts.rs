@@ -298,6 +298,7 @@ mod tests {
     use crate::method::conformance::{gather_points, light_sets, room};
     use crate::render::Counters;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
+    use light_tree::TreeBuilder;
     use sampling::Purpose;
     use scene::trace::Tracer;
 
@@ -335,7 +336,7 @@ mod tests {
             let scene = room(glossy);
             let tracer = Tracer::build(&scene);
             for (name, lights) in light_sets(&scene, &tracer) {
-                let inputs = Inputs::new(lights);
+                let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let spec = LightcutsSpec {
                     error: ErrorShare(0.0),
                     ..LightcutsSpec::default()
@@ -423,7 +424,7 @@ mod tests {
             let mut sets = light_sets(&scene, &tracer);
             sets.push(("many", many_lights(&scene, &tracer)));
             for (name, lights) in sets {
-                let inputs = Inputs::new(lights);
+                let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let method = Lightcuts::prepare(&LightcutsSpec::default(), &inputs);
                 let mut evaluated = 0;
                 for x in many_points(&scene) {
@@ -461,7 +462,7 @@ mod tests {
         for colour in [Vec3::X, Vec3::Z * 3.0] {
             lights.push_point(Vec3::new(0.0, 2.0, 0.0), colour);
         }
-        let inputs = Inputs::new(lights);
+        let inputs = Inputs::new(lights, TreeBuilder::Binned);
         let spec = LightcutsSpec {
             cut: CutSize(1),
             ..LightcutsSpec::default()

@@ -1,0 +1,424 @@
+//! Every command of the program, run as a user runs it.
+
+mod support;
+
+use film::Picture;
+use serde_json::Value;
+use support::Folder;
+
+/// Renders the room with `flags` into `out/room.*`.
+fn room(flags: &str) -> Folder {
+    let folder = Folder::with_room();
+    folder.run(&format!("render room.ron {flags}")).fine();
+    folder
+}
+
+fn brightness(picture: &Picture) -> f32 {
+    picture.radiance.iter().map(|c| c.element_sum()).sum()
+}
+
+#[track_caller]
+fn whole_number(report: &Value, path: &str) -> u64 {
+    let value = report.pointer(path);
+    let number = value.and_then(Value::as_u64);
+    number.unwrap_or_else(|| panic!("{path} is {value:?}; expected a whole number"))
+}
+
+#[test]
+fn render_writes_its_three_files_and_says_nothing_on_stdout() {
+    let folder = Folder::with_room();
+    let ran = folder.run("render room.ron").fine();
+    assert_eq!(ran.stdout, "", "stdout is for results");
+    assert!(!ran.stderr.is_empty(), "progress goes to stderr");
+    let mut names: Vec<_> = std::fs::read_dir(folder.path("out"))
+        .expect("the default folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["room.exr", "room.json", "room.png"], "files");
+    assert!(folder.read("out/room.png").starts_with(b"\x89PNG"), "PNG");
+    let picture = folder.picture("out/room.exr");
+    assert_eq!((picture.width, picture.height), (32, 18), "size");
+    assert!(brightness(&picture) > 1.0, "there is light in the room");
+    assert!(picture.samples.iter().all(|&n| n == 3), "samples");
+}
+
+#[test]
+fn out_and_name_say_where_files_go_and_quiet_says_nothing() {
+    let folder = Folder::with_room();
+    let ran = folder.run("render room.ron --out a/b --name other --quiet --threads 1");
+    let ran = ran.fine();
+    assert_eq!((&*ran.stdout, &*ran.stderr), ("", ""), "quiet");
+    for end in ["exr", "png", "json"] {
+        assert!(folder.exists(&format!("a/b/other.{end}")), "{end}");
+    }
+    assert!(!folder.exists("out"), "the default folder is not made");
+    assert_eq!(folder.json("a/b/other.json")["threads"], 1, "threads");
+}
+
+#[test]
+fn the_report_has_every_field_with_a_sound_value() {
+    let folder = room("--spp 2 --seed 7");
+    let report = folder.json("out/room.json");
+    for key in ["load", "bvh", "lights", "tree", "render", "write"] {
+        let seconds = report["seconds"][key].as_f64();
+        assert!(
+            seconds.is_some_and(|s| (0.0..600.0).contains(&s)),
+            "{key}: {seconds:?}"
+        );
+    }
+    assert_eq!(whole_number(&report, "/rays/camera"), 32 * 18 * 2, "camera");
+    assert!(whole_number(&report, "/rays/bounce") > 0, "bounce");
+    assert!(whole_number(&report, "/rays/shadow") > 0, "shadow");
+    assert!(whole_number(&report, "/light_samples") > 0, "light samples");
+    let points = whole_number(&report, "/shading_points");
+    assert_eq!(points, 32 * 18 * 2, "the room is closed");
+    assert!(whole_number(&report, "/threads") >= 1, "threads");
+    for (key, value) in [("spp", 2), ("width", 32), ("height", 18), ("seed", 7)] {
+        assert_eq!(report[key], value, "{key}");
+    }
+    assert_eq!(report["method"], "stochastic-lightcuts", "method");
+    assert_eq!(report["lights"]["point"], 2, "point lights");
+    assert_eq!(report["lights"]["directional"], 0, "directional lights");
+    assert!(
+        (300..=2000).contains(&whole_number(&report, "/lights/virtual")),
+        "about 500 virtual lights: {}",
+        report["lights"]
+    );
+    assert_eq!(report["triangles"], 22, "triangles");
+    assert_eq!(report["nonfinite"], 0, "nonfinite");
+    for key in ["needs", "skipped"] {
+        let list = report[key].as_array();
+        let names = |l: &Vec<Value>| l.iter().all(|name| name.as_str().is_some());
+        assert!(list.is_some_and(names), "{key} is {list:?}");
+    }
+    for key in ["version", "commit"] {
+        let text = report[key].as_str();
+        assert!(text.is_some_and(|t| !t.is_empty()), "{key} is {text:?}");
+    }
+    if cfg!(target_os = "linux") {
+        assert!(whole_number(&report, "/peak_rss_bytes") > 1 << 20, "memory");
+    }
+    assert!(report.get("error").is_none(), "no reference, no error");
+}
+
+#[test]
+fn threads_do_not_change_the_file_and_the_seed_does() {
+    let folder = room("--name one --threads 1");
+    folder.run("render room.ron --name two --threads 2").fine();
+    folder.run("render room.ron --name other --seed 2").fine();
+    let one = folder.read("out/one.exr");
+    assert!(one == folder.read("out/two.exr"), "1 and 2 threads differ");
+    assert!(
+        folder.read("out/one.png") == folder.read("out/two.png"),
+        "PNGs of 1 and 2 threads differ"
+    );
+    let radiance = |name| folder.picture(name).radiance;
+    assert!(
+        radiance("out/one.exr") != radiance("out/other.exr"),
+        "another seed gives the same picture"
+    );
+}
+
+#[test]
+fn shards_put_together_are_the_whole_to_the_byte() {
+    let folder = room("--size 70x50 --spp 2");
+    for part in 1..=3 {
+        let line = format!("render room.ron --size 70x50 --spp 2 --shard {part}/3 --name p{part}");
+        folder.run(&line).fine();
+    }
+    // In any order.
+    let merge = "merge out/p2.exr out/p3.exr out/p1.exr --out merged/all.exr";
+    let ran = folder.run(merge).fine();
+    assert_eq!(ran.stdout, "", "merge has nothing to say");
+    assert!(
+        folder.read("merged/all.exr") == folder.read("out/room.exr"),
+        "merged shards differ from the whole"
+    );
+    assert!(
+        folder.read("merged/all.png") == folder.read("out/room.png"),
+        "their PNGs differ"
+    );
+
+    let missing = folder.run("merge out/p1.exr out/p2.exr --out none.exr");
+    missing.exits(2).says(&["a shard is missing"]);
+    let twice = folder.run("merge out/p1.exr out/p2.exr out/p1.exr --out none.exr");
+    twice.exits(2).says(&["both have samples"]);
+    assert!(!folder.exists("none.exr"), "a failed merge writes nothing");
+}
+
+#[test]
+fn shards_of_different_renders_are_refused() {
+    let folder = room("--shard 1/2 --name a");
+    for (flags, what) in [
+        ("--seed 9", "seed is \"9\"; expected \"1\""),
+        ("--spp 1", "spp is \"1\"; expected \"3\""),
+        ("--set method.cut=5", "method is"),
+        ("--set lights.count=400", "lights is"),
+    ] {
+        let line = format!("render room.ron --shard 2/2 --name b {flags}");
+        folder.run(&line).fine();
+        let ran = folder.run("merge out/a.exr out/b.exr --out none.exr");
+        ran.exits(2).says(&["b.exr", "another render", what]);
+    }
+    // A shard that time stopped has fewer samples than the others.
+    let line = "render room.ron --shard 2/2 --name b --max-seconds 0";
+    folder.run(line).fine();
+    let ran = folder.run("merge out/a.exr out/b.exr --out none.exr");
+    ran.exits(2)
+        .says(&["b.exr", "spp is \"1\"; expected \"3\""]);
+    assert!(!folder.exists("none.exr"), "a refused merge writes nothing");
+}
+
+#[test]
+fn compare_prints_figures_and_knows_its_limit() {
+    let folder = room("--name a");
+    folder.run("render room.ron --name b --seed 2").fine();
+    folder.run("render room.ron --name c --size 16x9").fine();
+    let names = [
+        "mse",
+        "rmse",
+        "relmse",
+        "mape",
+        "psnr",
+        "flip",
+        "mean_ratio",
+    ];
+
+    let text = folder.run("compare out/a.exr out/b.exr").fine().stdout;
+    let found: Vec<_> = text.lines().filter_map(|l| l.split(' ').next()).collect();
+    assert_eq!(found, names, "lines");
+
+    let json = folder.run("compare --json out/a.exr out/b.exr").fine();
+    let figures: Value = serde_json::from_str(&json.stdout).expect("one JSON object");
+    for name in names {
+        assert!(figures[name].is_number(), "{name} is {}", figures[name]);
+    }
+    let relmse = figures["relmse"].as_f64().expect("a number");
+    assert!(relmse > 0.0, "two seeds differ");
+    let ratio = figures["mean_ratio"].as_f64().expect("a number");
+    assert!((0.7..1.4).contains(&ratio), "same room: {ratio}");
+
+    let same = folder.run("compare --json out/a.exr out/a.exr --max-relmse 0");
+    let figures: Value = serde_json::from_str(&same.fine().stdout).expect("JSON");
+    for name in ["mse", "rmse", "relmse", "mape", "flip"] {
+        assert_eq!(figures[name], 0.0, "{name} of a picture with itself");
+    }
+    assert_eq!(figures["mean_ratio"], 1.0, "mean_ratio");
+
+    folder
+        .run(&format!(
+            "compare out/a.exr out/b.exr --max-relmse {}",
+            relmse * 1.01
+        ))
+        .fine();
+    let worse = folder.run(&format!(
+        "compare out/a.exr out/b.exr --max-relmse {}",
+        relmse * 0.99
+    ));
+    worse.exits(1).says(&["out/a.exr", "relmse", "at most"]);
+    let sizes = folder.run("compare out/a.exr out/c.exr --max-relmse 1e9");
+    sizes.exits(2).says(&["32x18", "16x9"]);
+}
+
+#[test]
+fn a_reference_adds_the_error_of_every_pass() {
+    let folder = room("--name reference --method all-lights --spp 8");
+    folder
+        .run("render room.ron --spp 4 --reference out/reference.exr")
+        .fine();
+    let report = folder.json("out/room.json");
+    let error = &report["error"];
+    let passes = error["passes"].as_array().expect("a list of passes");
+    let samples: Vec<_> = passes.iter().map(|p| whole_number(p, "/spp")).collect();
+    assert_eq!(samples, [1, 2, 4], "passes");
+    let times: Vec<_> = passes
+        .iter()
+        .map(|p| p["seconds"].as_f64().expect("seconds"))
+        .collect();
+    assert!(times.is_sorted(), "time goes on: {times:?}");
+    let relmse = |v: &Value| v["relmse"].as_f64().expect("relmse");
+    assert_eq!(relmse(&passes[2]), relmse(error), "last pass and picture");
+    assert!(relmse(&passes[2]) < relmse(&passes[0]), "it converges");
+    for name in ["mse", "rmse", "mape", "psnr", "flip", "mean_ratio"] {
+        assert!(error[name].is_number(), "{name} is {}", error[name]);
+    }
+}
+
+#[test]
+fn max_seconds_stops_after_the_pass_that_it_falls_in() {
+    let folder = room("--spp 64 --max-seconds 0");
+    assert_eq!(folder.json("out/room.json")["spp"], 1, "samples done");
+    let picture = folder.picture("out/room.exr");
+    assert!(picture.samples.iter().all(|&n| n == 1), "one pass");
+    folder.run("render room.ron --spp 1 --name one").fine();
+    assert!(
+        picture == folder.picture("out/one.exr"),
+        "a stopped render is the shorter render"
+    );
+}
+
+#[test]
+fn methods_are_chosen_by_name() {
+    let folder = room("--method all-lights --spp 1 --name all");
+    folder
+        .run("render room.ron --method best --spp 1 --name best")
+        .fine();
+    assert_eq!(folder.json("out/all.json")["method"], "all-lights", "name");
+    assert!(folder.json("out/best.json")["method"].is_string(), "best");
+    let (all, best) = (
+        folder.picture("out/all.exr"),
+        folder.picture("out/best.exr"),
+    );
+    let ratio = brightness(&best) / brightness(&all);
+    assert!((0.7..1.4).contains(&ratio), "brightness ratio {ratio}");
+}
+
+#[test]
+fn set_changes_any_field() {
+    let folder = Folder::with_room();
+    let ran = folder.run_words(&[
+        "render",
+        "room.ron",
+        "--set",
+        "image.width=20",
+        "--set",
+        "image.height = 10",
+        "--set",
+        "image.spp=2",
+        "--set",
+        "method.cut=3",
+        "--set",
+        "lights.count=200",
+        "--set",
+        "lights.kind=Vpl(clamp: 10)",
+        "--set",
+        "integrator=Direct",
+        "--set",
+        "seed=5",
+    ]);
+    ran.fine();
+    let report = folder.json("out/room.json");
+    for (key, value) in [("width", 20), ("height", 10), ("spp", 2), ("seed", 5)] {
+        assert_eq!(report[key], value, "{key}");
+    }
+    let settings = report["method_settings"].as_str().expect("text");
+    assert!(settings.contains("cut: CutSize(3)"), "{settings}");
+    let count = whole_number(&report, "/lights/virtual");
+    assert!((100..=800).contains(&count), "{count} virtual lights");
+    assert_eq!(report["virtual_lights"]["radius"], 0.0, "points");
+    // A flag overrides --set as it overrides the file.
+    folder
+        .run("render room.ron --set image.spp=2 --spp 1")
+        .fine();
+    assert_eq!(folder.json("out/room.json")["spp"], 1, "--spp");
+}
+
+#[test]
+fn check_says_what_a_render_would_need_and_renders_nothing() {
+    let folder = Folder::with_room();
+    let before = folder.files();
+    let ran = folder.run("check room.ron").fine();
+    for part in [
+        "scene.ron",
+        "triangles  22",
+        "lights     2",
+        "500 virtual",
+        "32x18",
+        "needs ",
+        "skips ",
+        "memory ",
+    ] {
+        assert!(ran.stdout.contains(part), "no {part:?} in {}", ran.stdout);
+    }
+    assert_eq!(folder.files(), before, "check writes nothing");
+    let ran = folder.run("check room.ron --set lights=AsGiven --size 60000x60000");
+    let ran = ran.exits(2).says(&["60000x60000", "room.ron"]);
+    assert!(ran.stdout.contains("memory "), "the estimate comes first");
+}
+
+#[test]
+fn scene_lists_and_writes_the_built_in_scenes() {
+    let folder = Folder::new();
+    let listed = folder.run("scene --list").fine().stdout;
+    assert!(listed.lines().any(|name| name == "nave"), "{listed}");
+    let ran = folder.run("scene nave --out files").fine();
+    assert_eq!(ran.stdout, "", "files are the result");
+    assert!(folder.exists("files/scene.ron"), "scene.ron");
+
+    // The nave as the repository has it, and as it was just written.
+    let repository = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/nave.ron");
+    let flags = "--size 32x18 --spp 1 --seed 3 --set lights.count=2000 --quiet";
+    let line = format!("render {repository} {flags}");
+    folder.run(&line).fine();
+    let text = std::fs::read_to_string(repository).expect("the repository's run file");
+    let text = text.replace("../scenes/nave/scene.ron", "files/scene.ron");
+    assert!(text.contains("files/scene.ron"), "{text}");
+    folder.write("written.ron", text);
+    folder.run(&format!("render written.ron {flags}")).fine();
+    let picture = folder.picture("out/nave.exr");
+    assert!(
+        picture == folder.picture("out/written.exr"),
+        "the written scene gives another picture"
+    );
+    assert!(brightness(&picture) > 0.0, "the nave is lit");
+    assert_eq!(folder.json("out/nave.json")["nonfinite"], 0, "nonfinite");
+}
+
+#[test]
+fn a_scene_without_lights_is_black() {
+    let folder = Folder::with_room();
+    let text = support::ROOM_SCENE;
+    let start = text.find("lights:").expect("there are lights");
+    folder.write(
+        "scene/scene.ron",
+        format!("{}lights: [],\n)\n", &text[..start]),
+    );
+    for flags in ["", "--set lights=AsGiven", "--method all-lights"] {
+        folder.run(&format!("render room.ron {flags}")).fine();
+        let picture = folder.picture("out/room.exr");
+        assert_eq!(brightness(&picture), 0.0, "{flags}");
+        assert_eq!(folder.json("out/room.json")["nonfinite"], 0, "{flags}");
+    }
+    let ran = folder.run("check room.ron").fine();
+    assert!(ran.stdout.contains("black"), "{}", ran.stdout);
+}
+
+#[test]
+fn a_camera_inside_a_wall_or_outside_the_room_renders() {
+    let folder = Folder::with_room();
+    for origin in [
+        "(-0.4, 0.5, -0.5)",
+        "(0, 0, 1)",
+        "(2, 1, 2)",
+        "(0, 1, 1000)",
+        "(0.1, 5, 0)",
+    ] {
+        let text = support::ROOM_SCENE.replace("origin: (0, 1, 1.8)", &format!("origin: {origin}"));
+        assert!(text.contains(origin), "replaced");
+        folder.write("scene/scene.ron", text);
+        folder.run("render room.ron --spp 1").fine();
+        let report = folder.json("out/room.json");
+        assert_eq!(report["nonfinite"], 0, "camera at {origin}");
+        let picture = folder.picture("out/room.exr");
+        assert!(
+            picture.radiance.iter().all(|c| c.is_finite()),
+            "camera at {origin}"
+        );
+    }
+}
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    let folder = Folder::new();
+    let help = folder.run("--help").fine().stdout;
+    for command in ["render", "check", "compare", "merge", "scene"] {
+        assert!(help.contains(command), "{command} in {help}");
+    }
+    let version = folder.run("--version").fine().stdout;
+    assert!(version.starts_with("manylight "), "{version}");
+    let help = folder.run("render --help").fine().stdout;
+    for part in ["all-lights", "--resume", "--max-seconds"] {
+        assert!(help.contains(part), "{part} in {help}");
+    }
+}
