@@ -39,6 +39,20 @@ impl Reflection {
         }
     }
 
+    /// The greatest of both.
+    pub(crate) fn max(&self, other: &Self) -> Self {
+        let exponent = match (self.is_glossy(), other.is_glossy()) {
+            (true, false) => self.exponent,
+            (false, true) => other.exponent,
+            _ => self.exponent.min(other.exponent),
+        };
+        Self {
+            diffuse: self.diffuse.max(other.diffuse),
+            specular: self.specular.max(other.specular),
+            exponent,
+        }
+    }
+
     pub(crate) fn is_glossy(&self) -> bool {
         self.specular != Vec3::ZERO
     }
@@ -64,12 +78,19 @@ pub(crate) struct Clusters<'a> {
 
 impl Clusters<'_> {
     /// Upper bound of the luminance that the lights below `id`, all of one kind, send by way of any of the
-    /// points to the viewer: of the error of an estimate that is not negative and not above it either.
+    /// points of together `strength` to the viewer: of the error of an estimate that is not negative and not
+    /// above it either.
     ///
     /// 0 only where nothing arrives; +∞ where a point may be at a light.
-    pub(crate) fn bound(&self, at: &Receivers, reflection: &Reflection, id: NodeId) -> f64 {
+    pub(crate) fn bound(
+        &self,
+        at: &Receivers,
+        reflection: &Reflection,
+        strength: Vec3,
+        id: NodeId,
+    ) -> f64 {
         let ClusterBound { geometry, lobe_cos } = at.bound(self.tree, id, self.falloff(id));
-        let reflected = reflection.value(lobe_cos) * self.representatives.intensity(id);
+        let reflected = strength * reflection.value(lobe_cos) * self.representatives.intensity(id);
         let luminance = f64::from(luminance(reflected));
         // A black surface is black also where the geometry is infinite.
         if luminance > 0.0 {
@@ -92,11 +113,14 @@ impl Clusters<'_> {
 impl GatherPoint {
     /// The point as error bounds see it.
     pub(crate) fn receivers(&self) -> Receivers {
-        let mirror = self
-            .brdf
+        Receivers::at(&self.receiver, self.mirror())
+    }
+
+    /// Axis of the specular lobe, if there is one.
+    pub(crate) fn mirror(&self) -> Option<Vec3> {
+        self.brdf
             .is_glossy()
-            .then(|| Brdf::lobe_axis(self.ns, self.wo));
-        Receivers::at(&self.receiver, mirror)
+            .then(|| Brdf::lobe_axis(self.ns, self.wo))
     }
 }
 
@@ -104,6 +128,7 @@ impl GatherPoint {
 mod tests {
     use super::*;
     use crate::contribution::unoccluded;
+    use crate::gather_tree::GatherTree;
     use arbtest::arbitrary::{Result, Unstructured};
     use light_tree::{LightId, Receiver, TreeBuilder, VirtualLight};
     use sampling::{Purpose, Rng};
@@ -228,7 +253,7 @@ mod tests {
             let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
             let mut stack = representatives.roots().to_vec();
             while let Some(id) = stack.pop() {
-                let bound = clusters.bound(&at, &reflection, id);
+                let bound = clusters.bound(&at, &reflection, Vec3::ONE, id);
                 assert!(bound >= 0.0, "bound {bound}");
                 let truth: f64 = lights_below(&tree, id)
                     .into_iter()
@@ -244,6 +269,81 @@ mod tests {
                     id.0
                 );
                 if let Some(first) = tree.node(id).first_child() {
+                    stack.extend([first, NodeId(first.0 + 1)]);
+                }
+            }
+            Ok(())
+        });
+        assert!(lit > 100, "only {lit} lit clusters were looked at");
+    }
+
+    #[test]
+    fn no_pairs_of_clusters_exceed_their_bound() {
+        let mut lit = 0;
+        arbtest::arbtest(|u| {
+            let lights = lights(u)?;
+            let near = gather_point(u, &lights)?;
+            let mut points = Vec::new();
+            for _ in 0..u.int_in_range(1..=6)? {
+                let mut x = gather_point(u, &lights)?;
+                if u.arbitrary()? {
+                    // A pixel's points are mostly close together.
+                    x.position = near.position + vector(u)? * 1e-2;
+                    x.receiver = Receiver::new(x.position, x.ns);
+                }
+                x.strength = Vec3::splat(f32::from(u.int_in_range(0..=2_u8)?));
+                points.push(x);
+            }
+            let shape = if u.arbitrary()? {
+                VirtualShape::ClampedPoint(0.5)
+            } else {
+                VirtualShape::Sphere
+            };
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+                return Ok(());
+            };
+            let representatives = Representatives::choose(&tree, &lights, 0);
+            let clusters = Clusters {
+                tree: &tree,
+                representatives: &representatives,
+                lights: &lights,
+                shape,
+            };
+            let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
+            let mut gather = GatherTree::default();
+            let Some(root) = gather.build(&points, 1.0) else {
+                return Ok(());
+            };
+            let mut below = vec![Vec::new(); gather.len()];
+            for id in gather.ids() {
+                let node = gather.node(id);
+                below[id.index()] = match node.children {
+                    None => vec![gather.first_point(id)],
+                    Some([a, b]) => [a, b].map(|c| below[c.index()].clone()).concat(),
+                };
+            }
+            assert_eq!(below[root.index()].len(), points.len(), "all points");
+            let mut stack = representatives.roots().to_vec();
+            while let Some(light) = stack.pop() {
+                for g in gather.ids() {
+                    let node = gather.node(g);
+                    let strength = node.strength.as_vec3();
+                    let bound = clusters.bound(&node.receivers, &node.reflection, strength, light);
+                    let mut truth = 0.0;
+                    for l in lights_below(&tree, light) {
+                        for x in below[g.index()].iter().map(|i| &points[*i]) {
+                            truth += unoccluded(&lights, shape, x, l, &mut rng)
+                                .map_or(0.0, |l| f64::from(luminance(l.radiance * x.strength)));
+                        }
+                    }
+                    lit += i32::from(truth > 0.0);
+                    assert!(
+                        bound >= truth * (1.0 - 1e-3) - 1e-36,
+                        "node {}: bound {bound}, truth {truth}, {shape:?}, {points:?}",
+                        light.0
+                    );
+                }
+                if let Some(first) = tree.node(light).first_child() {
                     stack.extend([first, NodeId(first.0 + 1)]);
                 }
             }

@@ -7,6 +7,7 @@
 
 mod contribution;
 mod error_bound;
+mod gather_tree;
 pub mod method;
 mod plan;
 mod point;

@@ -129,6 +129,9 @@ impl Counters {
 /// What is watched when nobody wants to stop a render.
 static NEVER: AtomicBool = AtomicBool::new(false);
 
+/// Samples a pixel in one pass of a method that takes whole pixels: a tile's gather points are all in memory.
+const MOST_AT_ONCE: u32 = 256;
+
 /// Tile edge in pixels.
 const TILE: u32 = 16;
 
@@ -290,8 +293,14 @@ impl<'a> Render<'a> {
     /// Samples a pixel that the next pass makes; 0 when the render is done.
     ///
     /// Passes grow from 1 to 16: a first picture soon, little overhead later.
+    /// A method that takes whole pixels gets up to 256 samples of each at once.
     pub fn next_samples(&self) -> u32 {
-        self.done.clamp(1, 16).min(self.spec.spp - self.done)
+        let most = if self.method.whole_pixel() {
+            MOST_AT_ONCE
+        } else {
+            self.done.clamp(1, 16)
+        };
+        most.min(self.spec.spp - self.done)
     }
 
     /// Samples a pixel so far.
@@ -419,23 +428,22 @@ impl<F> PassOf<'_, F> {
             slots,
             &mut scratch.queue,
         );
-        for x in &scratch.points {
-            let (i, sample) = (
-                x.slot as usize / samples,
-                tile.done + x.slot % samples as u32,
-            );
+        let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
+        // Points that a method is given together.
+        let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
+        for xs in scratch.points.chunk_by(alike) {
             if self.stop.load(Ordering::Relaxed) {
                 return; // nothing of this tile is kept
             }
-            let pixel = self.pixel_index(tile, i);
+            let pixel = self.pixel_index(tile, pixel_of(&xs[0]));
+            let sample = tile.done + xs[0].slot % samples as u32;
             let stream = |purpose| Rng::new(self.spec.seed, pixel, u64::from(sample), purpose);
-            queue.begin_point(stream(Purpose::LightSurface));
-            method.point(
-                x,
-                &mut queue,
-                &mut stream(Purpose::Lights),
-                &mut scratch.method,
-            );
+            let rng = &mut stream(Purpose::Lights);
+            queue.begin_points(xs.len(), stream(Purpose::LightSurface));
+            match xs {
+                [x] => method.point(x, &mut queue, rng, &mut scratch.method),
+                xs => method.pixel(xs, &mut queue, rng, &mut scratch.method),
+            }
             queue.end_point();
         }
         let (counters, sums) = queue.finish();
@@ -609,6 +617,30 @@ mod tests {
             .collect();
         let merged = Picture::merge(&parts).expect("three disjoint shards");
         assert!(merged == rendered(spec(), 2), "merged shards differ");
+    }
+
+    #[test]
+    fn a_method_that_takes_whole_pixels_gets_all_samples_at_once() {
+        let scene = floor_scene();
+        let tracer = Tracer::build(&scene);
+        let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+        let mean = |method: &MethodSpec| {
+            let mut render = Render::new(&scene, &tracer, &inputs, method, spec());
+            let first = render.pass(&|_| ()).map(|pass| pass.spp);
+            while render.pass(&|_| ()).is_some() {}
+            let picture = render.picture();
+            let sum: DVec3 = picture.radiance.iter().map(|c| c.as_dvec3()).sum();
+            (first, render.counters().shading_points, sum)
+        };
+        let (first, points, whole) = mean(&MethodSpec::Multidimensional(Default::default()));
+        let (first_all, points_all, exact) = mean(&MethodSpec::AllLights(Default::default()));
+        assert_eq!((first, first_all), (Some(5), Some(1)), "samples at once");
+        assert_eq!(points, points_all, "gather points");
+        // Errors of 2000 pixels mostly cancel.
+        assert!(
+            (whole - exact).abs().max_element() < 1e-2 * exact.max_element(),
+            "{whole} instead of {exact}"
+        );
     }
 
     #[test]

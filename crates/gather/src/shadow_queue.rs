@@ -108,8 +108,13 @@ impl<'a> ShadowQueue<'a> {
 
     /// Begins a gather point: `rng` serves points on lights.
     pub fn begin_point(&mut self, rng: Rng) {
+        self.begin_points(1, rng);
+    }
+
+    /// Begins `count` gather points that are looked at together.
+    pub fn begin_points(&mut self, count: usize, rng: Rng) {
         self.rng = rng;
-        self.counters.shading_points += 1;
+        self.counters.shading_points += count as u64;
         self.mark = None;
         if self.until_timed == 0 {
             self.until_timed = TIMED;
@@ -118,7 +123,7 @@ impl<'a> ShadowQueue<'a> {
         self.until_timed -= 1;
     }
 
-    /// Ends a gather point.
+    /// Ends a gather point, or those that were begun together.
     pub fn end_point(&mut self) {
         self.mark(Phase::Evaluate);
         self.mark = None;

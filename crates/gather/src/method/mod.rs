@@ -2,6 +2,8 @@
 
 mod all_lights;
 mod lightcuts;
+mod multidimensional;
+mod refinement;
 mod stochastic_lightcuts;
 
 use sampling::Rng;
@@ -13,6 +15,8 @@ use crate::shadow_queue::LightEval;
 
 pub use all_lights::AllLights;
 pub use lightcuts::{Lightcuts, LightcutsSpec};
+pub use multidimensional::{Multidimensional, MultidimensionalSpec};
+pub use refinement::ErrorShare;
 pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
@@ -21,6 +25,9 @@ pub trait Method<'a>: Sized + Sync {
     type Spec: DeserializeOwned + Default + Clone;
     /// Memory kept from point to point.
     type Scratch: Default + Send;
+    /// Whether the gather points of all of a pixel's samples are handed to [`pixel`](Self::pixel) together.
+    /// Otherwise they go to [`point`](Self::point) one by one.
+    const WHOLE_PIXEL: bool = false;
 
     /// Builds what the method needs for a render: no tree is built unless a method asks for it.
     fn prepare(spec: &Self::Spec, inputs: &'a Inputs) -> Self;
@@ -36,6 +43,19 @@ pub trait Method<'a>: Sized + Sync {
         rng: &mut Rng,
         scratch: &mut Self::Scratch,
     );
+
+    /// Adds the light of all lights at each of the gather points `xs` of one pixel, or an estimate of it.
+    fn pixel<E: LightEval>(
+        &self,
+        xs: &[GatherPoint],
+        eval: &mut E,
+        rng: &mut Rng,
+        scratch: &mut Self::Scratch,
+    ) {
+        for x in xs {
+            self.point(x, eval, rng, scratch);
+        }
+    }
 }
 
 /// Calls a closure-like block with the method that a spec names: the choice is made once a render.
@@ -77,6 +97,11 @@ macro_rules! methods {
                 match self { $(Self::$variant(_) => $name),+ }
             }
 
+            /// [`Method::WHOLE_PIXEL`] of the method.
+            pub(crate) fn whole_pixel(&self) -> bool {
+                match self { $(Self::$variant(_) => <$type<'_> as Method<'_>>::WHOLE_PIXEL),+ }
+            }
+
             pub(crate) fn visit<V: Visitor>(&self, inputs: &Inputs, visitor: V) -> V::Output {
                 match self { $(Self::$variant(spec) => visitor.visit($type::prepare(spec, inputs))),+ }
             }
@@ -87,6 +112,7 @@ macro_rules! methods {
 methods! {
     AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
     Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
+    Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
 }
 
@@ -99,4 +125,6 @@ impl Default for MethodSpec {
 #[cfg(test)]
 mod agreement;
 #[cfg(test)]
-mod conformance;
+pub(crate) mod conformance;
+#[cfg(test)]
+pub(crate) mod fixtures;
