@@ -1,5 +1,6 @@
 //! The run file. A [`JobSpec`] is what is written, a [`Job`] what has been found sound.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use gather::{MethodSpec, VirtualShape};
@@ -117,19 +118,25 @@ enum Integrator {
 macro_rules! whole {
     ($name:ident, $type:ty, $range:expr) => {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-        #[serde(try_from = "u64")]
+        // Signed, so that a negative number comes as far as the message.
+        #[serde(try_from = "i64")]
         pub(crate) struct $name(pub(crate) $type);
 
-        impl TryFrom<u64> for $name {
+        impl $name {
+            pub(crate) const RANGE: RangeInclusive<$type> = $range;
+        }
+
+        impl TryFrom<i64> for $name {
             type Error = String;
 
-            fn try_from(value: u64) -> Result<Self, String> {
+            fn try_from(value: i64) -> Result<Self, String> {
+                let range = Self::RANGE;
                 match <$type>::try_from(value) {
-                    Ok(v) if $range.contains(&v) => Ok(Self(v)),
+                    Ok(v) if range.contains(&v) => Ok(Self(v)),
                     _ => Err(format!(
                         "found {value}; expected {}..={}",
-                        $range.start(),
-                        $range.end()
+                        range.start(),
+                        range.end()
                     )),
                 }
             }
@@ -137,10 +144,10 @@ macro_rules! whole {
     };
 }
 
-whole!(Extent, u32, (1..=65_536));
-whole!(Samples, u32, (1..=16_777_216));
-whole!(LightCount, usize, (0..=1_000_000_000));
-whole!(Bounces, u32, (1..=1024));
+whole!(Extent, u32, 1..=65_536);
+whole!(Samples, u32, 1..=16_777_216);
+whole!(LightCount, usize, 0..=1_000_000_000);
+whole!(Bounces, u32, 1..=1024);
 
 /// A finite length, 0 or more.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -213,18 +220,9 @@ impl Job {
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
         let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
         let Integrator::Direct = spec.integrator;
-        let [width, height] = match arguments.size {
-            Some([w, h]) => [extent("--size: width", w)?, extent("--size: height", h)?],
-            None => [spec.image.width.0, spec.image.height.0],
-        };
-        let spp = match arguments.spp {
-            Some(n) => {
-                Samples::try_from(u64::from(n))
-                    .map_err(|e| CliError::Input(format!("--spp: {e}")))?
-                    .0
-            }
-            None => spec.image.spp.0,
-        };
+        let image = spec.image;
+        let [width, height] = arguments.size.unwrap_or([image.width.0, image.height.0]);
+        let spp = arguments.spp.unwrap_or(image.spp.0);
         let folder = arguments.config.parent().unwrap_or(Path::new(""));
         let stem = arguments
             .config
@@ -302,12 +300,6 @@ fn scene_error(arguments: &JobArgs, message: &str) -> CliError {
         column: place.column,
         message: format!("scene: {message}"),
     })
-}
-
-fn extent(what: &str, value: u32) -> Result<u32, CliError> {
-    Extent::try_from(u64::from(value))
-        .map(|e| e.0)
-        .map_err(|e| CliError::Input(format!("{what}: {e}")))
 }
 
 /// The variant that a command-line name stands for.
