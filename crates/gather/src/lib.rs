@@ -22,21 +22,23 @@ pub use shadow_queue::{LightEval, ShadowQueue};
 
 use std::sync::OnceLock;
 
-use light_tree::{LightSet, LightTree};
+use light_tree::{LightSet, LightTree, TreeBuilder};
 
 /// What methods choose from: the lights, and a tree over them that is built when first asked for.
 #[derive(Debug)]
 pub struct Inputs {
     /// All lights in use.
     pub lights: LightSet,
+    builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
 }
 
 impl Inputs {
-    /// Inputs over `lights`; no tree yet.
-    pub fn new(lights: LightSet) -> Self {
+    /// Inputs over `lights`; no tree yet, and one by `builder` when it is asked for.
+    pub fn new(lights: LightSet, builder: TreeBuilder) -> Self {
         Self {
             lights,
+            builder,
             tree: OnceLock::new(),
         }
     }
@@ -44,7 +46,7 @@ impl Inputs {
     /// The tree; `None` when there is no light.
     pub fn tree(&self) -> Option<&LightTree> {
         self.tree
-            .get_or_init(|| LightTree::build(&self.lights))
+            .get_or_init(|| LightTree::build(&self.lights, self.builder))
             .as_ref()
     }
 

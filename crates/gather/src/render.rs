@@ -561,7 +561,7 @@ mod tests {
     fn rendered(spec: RenderSpec, threads: usize) -> Picture {
         let scene = floor_scene();
         let tracer = Tracer::build(&scene);
-        let inputs = Inputs::new(lights(300));
+        let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
         let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec::default());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -616,7 +616,7 @@ mod tests {
         let tracer = Tracer::build(&scene);
         let mut one = light_tree::LightSet::default();
         one.push_point(Vec3::Y * 2.0, Vec3::ONE);
-        let inputs = Inputs::new(one);
+        let inputs = Inputs::new(one, TreeBuilder::Binned);
         for method in MethodSpec::all() {
             let spec = RenderSpec {
                 width: 1001,
@@ -657,7 +657,7 @@ mod tests {
     fn a_scene_without_lights_is_black_and_sound() {
         let scene = floor_scene();
         let tracer = Tracer::build(&scene);
-        let inputs = Inputs::new(light_tree::LightSet::default());
+        let inputs = Inputs::new(light_tree::LightSet::default(), TreeBuilder::Binned);
         for method in MethodSpec::all() {
             let mut render = Render::new(&scene, &tracer, &inputs, &method, spec());
             while render.pass(&|_| ()).is_some() {}

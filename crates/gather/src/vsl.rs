@@ -32,8 +32,12 @@ impl Subtended {
     pub(crate) fn new(offset: Vec3, radius: f32, normal: Vec3) -> Self {
         let dist2 = offset.length_squared();
         let dist = dist2.sqrt();
-        // Also where the squared distance underflows.
-        let axis = offset.normalize_or(normal);
+        let axis = if dist2 > f32::MIN_POSITIVE {
+            offset / dist
+        } else {
+            // The square underflows, not the direction.
+            (offset * 2.0f32.powi(64)).normalize_or(normal)
+        };
         let sin = if dist > radius { radius / dist } else { 1.0 };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         Self {

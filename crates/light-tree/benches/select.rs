@@ -5,7 +5,8 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
 use manylight_light_tree::{
-    Cut, DeadBranch, LightSet, LightTree, NodeWeights, Receiver, Selector, VirtualLight,
+    Cut, DeadBranch, LightSet, LightTree, NodeWeights, Receiver, Selector, TreeBuilder,
+    VirtualLight,
 };
 use sampling::{Purpose, Rng};
 
@@ -43,7 +44,7 @@ fn lights(n: usize) -> LightSet {
 fn select(c: &mut Criterion) {
     let mut group = c.benchmark_group("point");
     for n in [1_000, 100_000, 1_000_000] {
-        let tree = LightTree::build(&lights(n)).expect("has lights");
+        let tree = LightTree::build(&lights(n), TreeBuilder::Binned).expect("has lights");
         let mut rng = Rng::new(2, 0, 0, Purpose::Build);
         let receivers: Vec<Receiver> = (0..1 << 14)
             .map(|_| {
@@ -87,7 +88,7 @@ fn build(c: &mut Criterion) {
     let mut group = c.benchmark_group("build");
     group.sample_size(10);
     group.bench_function("1000000 lights", |b| {
-        b.iter(|| black_box(LightTree::build(&set)))
+        b.iter(|| black_box(LightTree::build(&set, TreeBuilder::Binned)))
     });
     group.finish();
 }

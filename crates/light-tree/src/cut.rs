@@ -115,6 +115,7 @@ impl LightTree {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::build::TreeBuilder;
     use crate::lights::LightId;
     use crate::test_lights::{BLACK, any_lights, any_receiver, contribution, receiver};
 
@@ -136,7 +137,7 @@ mod tests {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
-            let Some(tree) = LightTree::build(&lights) else {
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
                 return Ok(());
             };
             let size = u.int_in_range(1..=40usize)?;
@@ -166,7 +167,7 @@ mod tests {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
-            let Some(tree) = LightTree::build(&lights) else {
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
                 return Ok(());
             };
             let floor = f64::from(NEAREST_SHARE * tree.diagonal2).max(f64::from(tree.least_dist2));

@@ -19,6 +19,7 @@ mod tree;
 mod weight;
 
 pub use bounds::{DistanceRange, Receiver};
+pub use build::TreeBuilder;
 pub use cone::Cone;
 pub use cut::Cut;
 pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};

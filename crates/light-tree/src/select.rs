@@ -251,6 +251,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::build::TreeBuilder;
     use crate::lights::LightSet;
     use crate::test_lights::{
         BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
@@ -263,7 +264,7 @@ mod tests {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
-            let Some(tree) = LightTree::build(&lights) else {
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
                 return Ok(());
             };
             // A share of 10⁻²⁵ is beyond what f32 weights tell apart, and beyond any picture.
@@ -292,7 +293,7 @@ mod tests {
     #[test]
     fn lights_are_drawn_as_often_as_reported() {
         let lights = lights_on_walls(200);
-        let tree = LightTree::build(&lights).expect("has lights");
+        let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
         for weights in ALL {
             for at in [
                 (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
@@ -353,7 +354,7 @@ mod tests {
     fn retry_brightens_by_the_dead_mass_and_stop_does_not() {
         for scale in [0.1, 1.0, 10.0] {
             let (lights, x) = dead_pair(scale);
-            let tree = LightTree::build(&lights).expect("has lights");
+            let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
             let weights = NodeWeights::Yuksel2019;
             let (_, dead) = tree.pmf_below(weights, &x, tree.root());
             assert!(dead > 0.05, "the case has a dead branch: {dead}");
@@ -426,7 +427,7 @@ mod tests {
                 Vec3::splat(2.0f32.powi(-i)),
             );
         }
-        let tree = LightTree::build(&lights).expect("has lights");
+        let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
         let x = Receiver::new(Vec3::ZERO, Vec3::Y);
         let (pmfs, dead) = tree.pmf_below(NodeWeights::Yuksel2019, &x, tree.root());
         assert_eq!(dead, 0.0, "all lights are above");

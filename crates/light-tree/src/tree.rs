@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::build;
+use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
 use crate::lights::{LightId, LightKind, LightSet, luminance};
 
@@ -103,8 +103,8 @@ impl LightTree {
     ///
     /// # Panics
     /// When there are more than about a billion lights.
-    pub fn build(lights: &LightSet) -> Option<Self> {
-        build::build(lights)
+    pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
+        build::build(lights, builder)
     }
 
     /// The root.

@@ -183,6 +183,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::build::TreeBuilder;
     use crate::lights::LightSet;
 
     fn pair_share(lights: &[(Vec3, f32)], x: &Receiver, weights: NodeWeights) -> f64 {
@@ -190,7 +191,7 @@ mod tests {
         for &(p, i) in lights {
             set.push_point(p, Vec3::splat(i));
         }
-        let tree = LightTree::build(&set).expect("has lights");
+        let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
         let first = tree.node(tree.root()).first_child().expect("two lights");
         let w = tree.weigh(weights, x, first).map(f64::from);
         let own = if tree.node(first).lo == lights[0].0 {
@@ -223,7 +224,7 @@ mod tests {
         ] {
             set.push_point(Vec3::from(p), Vec3::ONE);
         }
-        let tree = LightTree::build(&set).expect("has lights");
+        let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
         let x = Receiver::new(Vec3::ZERO, Vec3::Y);
         let first = tree.node(tree.root()).first_child().expect("two clusters");
         let w = tree.weigh(NodeWeights::Yuksel2019, &x, first);
@@ -268,7 +269,7 @@ mod tests {
                 for (p, i) in lights {
                     set.push_point(p, Vec3::splat(i));
                 }
-                let tree = LightTree::build(&set).expect("has lights");
+                let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
                 let first = tree.node(tree.root()).first_child().expect("two lights");
                 let w = tree.weigh(weights, &x, first);
                 let sound = w.iter().all(|w| w.is_finite() && *w >= 0.0);

@@ -4,11 +4,11 @@
 //! OBJ and MTL it names, its lights and its textures. The renderer reads them from memory;
 //! `manylight scene <name>` writes them out.
 //!
-//! [`mesh`] gathers triangles; [`sweep`], [`arch`] and [`polygon`] make mouldings, arches and
-//! walls with openings; [`obj`], [`materials`], [`textures`] and [`lights`] turn the result into
-//! files. [`nave`] is the one scene so far: a domed church in the manner of Šibenik cathedral.
+//! `mesh` gathers triangles; `sweep`, `arch` and `polygon` make mouldings, arches and
+//! walls with openings; `obj`, `materials`, `textures` and `lights` turn the result into
+//! files. `nave` is the one scene so far: a domed church in the manner of Šibenik cathedral.
 //!
-//! Angles go through [`trig`] and randomness through integer hashes, so that no platform's
+//! Angles go through `trig` and randomness through integer hashes, so that no platform's
 //! rounding shows in the output.
 
 mod arch;

@@ -121,12 +121,12 @@ pub(crate) const LOOKS: &[Look] = &[
         60.0,
     ),
     glossy(
-        matt(Material::Red, "red_marble", [0.46, 0.22, 0.17]),
+        matt(Material::Red, "red_marble", [0.36, 0.13, 0.10]),
         0.04,
         60.0,
     ),
     glossy(
-        matt(Material::Green, "green_marble", [0.24, 0.31, 0.28]),
+        matt(Material::Green, "green_marble", [0.12, 0.19, 0.16]),
         0.04,
         60.0,
     ),

@@ -94,7 +94,7 @@ fn stone(u: f32, v: f32, tone: f32, warm: f32) -> Colour {
     let base = mix([222.0, 215.0, 201.0], [214.0, 199.0, 174.0], warm);
     let clouds = cloud(u, v, 10, 7) - 0.5;
     let grain = value(u, v, 170, 11) - 0.5;
-    scale(base, 1.0 + 0.09 * tone + 0.10 * clouds + 0.035 * grain)
+    scale(base, 1.0 + 0.12 * tone + 0.10 * clouds + 0.035 * grain)
 }
 
 /// Wall blocks of 0.6 m by 0.3 m at 2.4 m to the copy.
@@ -105,7 +105,7 @@ fn ashlar(u: f32, v: f32) -> Colour {
     let face = stone(u, v, tone, 0.75 * warm * warm);
     let joint = ((block.edge - 0.0016) / 0.0022).clamp(0.0, 1.0);
     mix(
-        scale([182.0, 173.0, 157.0], 0.96 + 0.08 * cloud(u, v, 20, 5)),
+        scale([164.0, 154.0, 137.0], 0.96 + 0.08 * cloud(u, v, 20, 5)),
         face,
         joint,
     )
@@ -118,7 +118,7 @@ fn drum(u: f32, v: f32) -> Colour {
     let tone = uniform(y as u32, 5, 31) - 0.5;
     let warm = 0.5 * uniform(y as u32, 6, 31);
     let joint = ((fy.min(1.0 - fy) / 4.0 - 0.0018) / 0.003).clamp(0.0, 1.0);
-    mix([190.0, 182.0, 167.0], stone(u, v, 0.7 * tone, warm), joint)
+    mix([168.0, 159.0, 143.0], stone(u, v, 0.7 * tone, warm), joint)
 }
 
 /// Vault webs: thin courses along the ridge, limewashed.
@@ -171,13 +171,13 @@ fn lozenges(u: f32, v: f32) -> Colour {
     let edge = inside[0].min(inside[1]);
     let odd = (i + j).rem_euclid(2) == 1;
     if edge < 0.055 {
-        marble(u, v, [118.0, 132.0, 124.0], [160.0, 170.0, 160.0], 80)
+        marble(u, v, [88.0, 104.0, 96.0], [140.0, 150.0, 140.0], 80)
     } else if odd {
         // A white heart in the red stone.
         if edge > 0.3 {
             marble(u, v, [224.0, 218.0, 206.0], [190.0, 180.0, 168.0], 84)
         } else {
-            marble(u, v, [182.0, 122.0, 104.0], [208.0, 166.0, 150.0], 88)
+            marble(u, v, [164.0, 92.0, 76.0], [200.0, 146.0, 128.0], 88)
         }
     } else {
         marble(u, v, [226.0, 220.0, 208.0], [186.0, 178.0, 168.0], 92)
@@ -208,7 +208,7 @@ fn glass(u: f32, v: f32) -> Colour {
         8 => [66.0, 128.0, 88.0],
         _ => [178.0, 190.0, 196.0],
     };
-    scale(pane, 0.85 + 0.3 * value(u, v, 40, 98))
+    scale(pane, 0.95 + 0.3 * value(u, v, 40, 98))
 }
 
 /// Oak boards along u.
@@ -219,7 +219,7 @@ fn oak(u: f32, v: f32) -> Colour {
     let gap = if f.min(1.0 - f) < 0.03 { 0.6 } else { 1.0 };
     let tone = 0.9 + 0.2 * uniform(board, 0, 103);
     scale(
-        mix([116.0, 82.0, 52.0], [150.0, 110.0, 72.0], grain),
+        mix([136.0, 98.0, 63.0], [168.0, 126.0, 84.0], grain),
         gap * tone,
     )
 }

@@ -278,7 +278,7 @@ fn no_ray_escapes() {
         [11.1, 6.0, 0.3],
         [14.9, 5.0, -0.2],
     ];
-    const RAYS: usize = 150;
+    const RAYS: usize = 100;
     for place in places {
         for k in 0..RAYS {
             let direction = spiral(k, RAYS);

@@ -17,7 +17,8 @@ pub struct Material {
     pub diffuse: Vec3,
     /// `map_Kd`; multiplies `diffuse`.
     pub diffuse_map: Option<TextureId>,
-    /// `Ks`, specular reflectance, each channel in [0, 1]; with `diffuse`, no channel sums above 1.
+    /// `Ks`, specular reflectance, each channel in [0, 1]; with `diffuse`, no channel sums above 1. With a
+    /// `diffuse_map` that holds at each point: see [`Scene::surface`](crate::Scene::surface).
     pub specular: Vec3,
     /// `Ns`, Phong exponent, in [0, 1e6].
     pub exponent: f32,

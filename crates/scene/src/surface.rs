@@ -71,16 +71,24 @@ impl Scene {
         }
     }
 
-    /// Reflection of `material` at texture coordinate `uv`.
+    /// Reflection of `material` at texture coordinate `uv`; never more than arrives.
     fn brdf(&self, material: MaterialId, uv: Vec2) -> Brdf {
         let m = &self.materials[material.0 as usize];
-        let map = m
-            .diffuse_map
-            .map(|id| self.textures[id.0 as usize].colour(uv));
-        Brdf {
-            diffuse: map.map_or(m.diffuse, |c| c * m.diffuse),
+        let plain = Brdf {
+            diffuse: m.diffuse,
             specular: m.specular,
             exponent: m.exponent,
+        };
+        let Some(map) = m.diffuse_map else {
+            return plain;
+        };
+        let diffuse = self.textures[map.0 as usize].colour(uv) * m.diffuse;
+        // Loading limits Kd + Ks where there is no map; a bright texel is limited here.
+        let scale = (diffuse + m.specular).max(Vec3::ONE).recip();
+        Brdf {
+            diffuse: diffuse * scale,
+            specular: m.specular * scale,
+            ..plain
         }
     }
 }

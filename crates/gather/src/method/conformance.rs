@@ -149,11 +149,12 @@ fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
 }
 
 /// Estimates of the light at `x`, one a slot.
-struct Estimates<'a> {
-    inputs: &'a Inputs,
-    tracer: &'a Tracer,
-    x: GatherPoint,
-    count: u32,
+pub(super) struct Estimates<'a> {
+    pub(super) inputs: &'a Inputs,
+    pub(super) tracer: &'a Tracer,
+    pub(super) x: GatherPoint,
+    pub(super) count: u32,
+    pub(super) seed: u64,
 }
 
 impl Visitor for Estimates<'_> {
@@ -172,7 +173,7 @@ impl Visitor for Estimates<'_> {
             &mut queue_scratch,
         );
         for slot in 0..self.count {
-            let stream = |purpose| Rng::new(31, u64::from(slot), 0, purpose);
+            let stream = |purpose| Rng::new(self.seed, u64::from(slot), 0, purpose);
             queue.begin_point(stream(Purpose::LightSurface));
             let x = GatherPoint { slot, ..self.x };
             method.point(&x, &mut queue, &mut stream(Purpose::Lights), &mut scratch);
@@ -183,7 +184,7 @@ impl Visitor for Estimates<'_> {
     }
 }
 
-fn running(values: &[DVec3], channel: usize) -> Running {
+pub(super) fn running(values: &[DVec3], channel: usize) -> Running {
     let mut running = Running::default();
     for v in values {
         running.add(v[channel]);
@@ -198,7 +199,7 @@ fn unbiased_methods_agree_with_all_lights() {
         let scene = room(glossy);
         let tracer = Tracer::build(&scene);
         for (name, lights) in light_sets(&scene, &tracer) {
-            let inputs = Inputs::new(lights);
+            let inputs = Inputs::new(lights, TreeBuilder::Binned);
             for x in gather_points(&scene) {
                 let estimates = |method: &MethodSpec, count| {
                     let estimates = Estimates {
@@ -206,6 +207,7 @@ fn unbiased_methods_agree_with_all_lights() {
                         tracer: &tracer,
                         x,
                         count,
+                        seed: 31,
                     };
                     method.visit(&inputs, estimates)
                 };
@@ -251,7 +253,7 @@ fn shadow_rays_wait_for_a_batch_without_changing_a_bit() {
     let scene = room(false);
     let tracer = Tracer::build(&scene);
     let (_, lights) = light_sets(&scene, &tracer).swap_remove(3);
-    let inputs = Inputs::new(lights);
+    let inputs = Inputs::new(lights, TreeBuilder::Binned);
     for x in gather_points(&scene) {
         let mut scratch = QueueScratch::default();
         let mut queue = ShadowQueue::new(
@@ -277,7 +279,7 @@ fn a_method_reports_nothing_where_there_is_nothing_to_see() {
     let tracer = Tracer::build(&scene);
     let mut behind = LightSet::default();
     behind.push_point(Vec3::new(0.0, -1.0, 0.0), Vec3::ONE);
-    let inputs = Inputs::new(behind);
+    let inputs = Inputs::new(behind, TreeBuilder::Binned);
     let x = gather_points(&scene)[0];
     for method in MethodSpec::all() {
         let estimates = Estimates {
@@ -285,6 +287,7 @@ fn a_method_reports_nothing_where_there_is_nothing_to_see() {
             tracer: &tracer,
             x,
             count: 10,
+            seed: 31,
         };
         let (_, values, counters) = method.visit(&inputs, estimates);
         assert!(

@@ -94,4 +94,6 @@ impl Default for MethodSpec {
 }
 
 #[cfg(test)]
+mod agreement;
+#[cfg(test)]
 mod conformance;

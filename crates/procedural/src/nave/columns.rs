@@ -135,9 +135,9 @@ pub(super) fn abacus(half: f64, bottom: f64, top: f64) -> Mesh {
 /// Free-standing pier of the arcade about the y axis, from floor to springing.
 pub(super) fn pier() -> Mesh {
     let plan = Quatrefoil {
-        core: 0.36,
-        shaft: 0.17,
-        reach: 0.33,
+        core: 0.37,
+        shaft: 0.155,
+        reach: 0.395,
     };
     let outline = plan.outline();
     let top = LOW_SPRING - 0.18;
@@ -163,10 +163,12 @@ pub(super) fn pier() -> Mesh {
         Path::Closed,
         &bell(top, 1.0),
     ));
-    let mut leaves = wreath(0..10, 10, 0.40, 0.28, 0.0);
-    leaves.append(&wreath(0..10, 10, 0.43, 0.29, 0.5), &at(0.0, 0.21, 0.0));
-    mesh.append(&leaves, &at(0.0, top - 0.52, 0.0));
-    mesh.merge(abacus(0.64, top, LOW_SPRING));
+    // Below, a leaf on every shaft and one in every hollow; above, one between each two.
+    let mut leaves = wreath(0..4, 4, 0.545, 0.27, 0.0);
+    leaves.merge(wreath(0..4, 4, 0.37, 0.33, 0.5));
+    leaves.append(&wreath(0..8, 8, 0.47, 0.32, 0.5), &at(0.0, 0.2, 0.0));
+    mesh.append(&leaves, &at(0.0, top - 0.55, 0.0));
+    mesh.merge(abacus(0.70, top, LOW_SPRING));
     mesh
 }
 

@@ -40,10 +40,10 @@ const SCENE: &str = "(
     geometry: [\"scene.obj\"],
     metres_per_unit: 1.0,
     camera: (
-        origin: (-12.9, 2.4, 0.7),
-        target: (0.0, 5.9, -0.15),
+        origin: (-15.3, 2.0, 0.7),
+        target: (0.0, 4.75, -0.2),
         up: (0.0, 1.0, 0.0),
-        fov_y_deg: 64.0,
+        fov_y_deg: 57.0,
     ),
     lights: [Points(\"lights.ron\")],
 )
@@ -264,7 +264,7 @@ fn choir(mesh: &mut Mesh) {
 fn furnish(mesh: &mut Mesh) {
     let bench = furniture::bench(1.55);
     for k in 0..6 {
-        let x = -11.2 + 1.2 * f64::from(k);
+        let x = -10.3 + 1.2 * f64::from(k);
         for side in [-1.0, 1.0] {
             mesh.append(&bench, &at(x, 0.0, side * 2.62));
         }

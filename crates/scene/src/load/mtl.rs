@@ -126,13 +126,17 @@ fn opacity(material: &tobj::Material) -> f32 {
     opacity.unwrap_or(1.0)
 }
 
-/// Scales a material that would reflect more than it receives, with a remark.
+/// Scales a material that would reflect more than it receives, with a remark. Where a map multiplies `Kd`
+/// that is decided at each point instead: the map's darker texels leave room for `Ks`.
 fn conserve_energy(
     mut material: Material,
     shown: &str,
     line: usize,
     remarks: &mut Vec<String>,
 ) -> Material {
+    if material.diffuse_map.is_some() {
+        return material;
+    }
     let sum = material.diffuse + material.specular;
     let most = sum.max_element();
     // 0.7 + 0.3 is a little above 1 in f32.
