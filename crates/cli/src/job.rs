@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use gather::{MethodSpec, VirtualShape};
+use light_tree::TreeBuilder;
 use ron_file::{Override, Place, RonError};
 use serde::Deserialize;
 
@@ -21,6 +22,8 @@ struct JobSpec {
     lights: LightsSpec,
     #[serde(default)]
     integrator: Integrator,
+    #[serde(default)]
+    tree: TreeSpec,
     #[serde(default)]
     method: MethodSpec,
     #[serde(default = "default_seed")]
@@ -104,6 +107,42 @@ pub(crate) struct VslSpec {
 pub(crate) struct VplSpec {
     /// Greatest cos cos / d², in 1/scene unit²; no clamp when not given.
     pub(crate) clamp: Option<Clamp>,
+}
+
+/// The light tree of methods that use one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct TreeSpec {
+    /// How clusters are found.
+    pub(crate) builder: Builder,
+}
+
+/// [`TreeBuilder`] in a run file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+pub(crate) enum Builder {
+    /// Top-down over position and direction.
+    #[default]
+    Binned,
+    /// Surface area orientation heuristic.
+    Saoh,
+    /// Morton code.
+    Morton,
+    /// Perfect binary tree over Morton order.
+    PerfectMorton,
+    /// Bottom-up.
+    Agglomerative,
+}
+
+impl From<Builder> for TreeBuilder {
+    fn from(builder: Builder) -> Self {
+        match builder {
+            Builder::Binned => Self::Binned,
+            Builder::Saoh => Self::Saoh,
+            Builder::Morton => Self::Morton,
+            Builder::PerfectMorton => Self::PerfectMorton,
+            Builder::Agglomerative => Self::Agglomerative,
+        }
+    }
 }
 
 /// Which light paths are followed.
@@ -199,6 +238,7 @@ pub(crate) struct Job {
     pub(crate) height: u32,
     pub(crate) spp: u32,
     pub(crate) lights: LightsSpec,
+    pub(crate) tree: TreeSpec,
     pub(crate) method: MethodSpec,
     pub(crate) seed: u64,
     /// The run file's stem.
@@ -250,6 +290,7 @@ impl Job {
             height,
             spp,
             lights: spec.lights,
+            tree: spec.tree,
             method: spec.method,
             seed: arguments.seed.unwrap_or(spec.seed),
             name: stem.unwrap_or_else(|| "render".into()),

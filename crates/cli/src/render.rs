@@ -259,7 +259,7 @@ impl Prepared {
         Ok(Self {
             scene,
             tracer,
-            inputs: Inputs::new(lights),
+            inputs: Inputs::new(lights, job.tree.builder.into()),
             virtual_lights,
         })
     }

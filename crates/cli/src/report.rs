@@ -207,6 +207,7 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         ("scene_content", format!("{:016x}", fingerprint(scene))),
         ("camera", format!("{:?}", scene.camera)),
         ("lights", format!("{:?}", job.lights)),
+        ("tree", format!("{:?}", job.tree)),
         ("method", format!("{:?}", job.method)),
         ("spp", spp.to_string()),
         ("seed", job.seed.to_string()),

@@ -499,6 +499,8 @@ impl<F> PassOf<'_, F> {
 
 #[cfg(test)]
 mod tests {
+    use light_tree::TreeBuilder;
+
     use super::*;
     use crate::method::StochasticLightcutsSpec;
     use scene::{CameraSpec, Material, MaterialId, Mesh};

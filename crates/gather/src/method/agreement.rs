@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use light_tree::LightSet;
+use light_tree::{LightSet, TreeBuilder};
 use rayon::prelude::*;
 use scene::trace::{Ray, Tracer};
 use scene::{Camera, Scene};

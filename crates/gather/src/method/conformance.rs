@@ -3,7 +3,7 @@
 //! A method added to the list is tested without another line.
 
 use glam::{DVec3, Vec3};
-use light_tree::LightSet;
+use light_tree::{LightSet, TreeBuilder};
 use sampling::{Purpose, Rng};
 use scene::trace::{Hit, Tracer};
 use scene::{Emitter, Material, MaterialId, Mesh, Scene};

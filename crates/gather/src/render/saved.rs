@@ -178,7 +178,10 @@ mod tests {
     fn with_renders(f: impl Fn(&dyn Fn(u32) -> Render<'static>)) {
         let scene = Box::leak(Box::new(floor_scene()));
         let tracer: &Tracer = Box::leak(Box::new(Tracer::build(scene)));
-        let inputs: &Inputs = Box::leak(Box::new(Inputs::new(lights(50))));
+        let inputs: &Inputs = Box::leak(Box::new(Inputs::new(
+            lights(50),
+            light_tree::TreeBuilder::Binned,
+        )));
         let method: &MethodSpec = Box::leak(Box::new(MethodSpec::default()));
         let scene: &scene::Scene = scene;
         f(&|spp| Render::new(scene, tracer, inputs, method, RenderSpec { spp, ..spec() }));
