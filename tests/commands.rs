@@ -307,6 +307,12 @@ fn set_changes_any_field() {
     let count = whole_number(&report, "/lights/virtual");
     assert!((100..=800).contains(&count), "{count} virtual lights");
     assert_eq!(report["virtual_lights"]["radius"], 0.0, "points");
+    // Fields of what the file leaves out; the whole struct is made.
+    folder.write("bare.ron", "(scene: \"scene/scene.ron\")");
+    folder
+        .run("render bare.ron --set image.width=8 --set image.height=4 --set image.spp=1")
+        .fine();
+    assert_eq!(folder.json("out/bare.json")["width"], 8, "width");
     // A flag overrides --set as it overrides the file.
     folder
         .run("render room.ron --set image.spp=2 --spp 1")

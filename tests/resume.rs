@@ -134,6 +134,7 @@ fn the_state_of_another_render_is_refused() {
         ("--set method.cut=5", "CutSize(5)"),
         ("--set lights.count=501", "501"),
         ("--set lights=AsGiven", "expected AsGiven"),
+        ("--set tree.builder=Morton", "Morton"),
         ("--shard 1/2", "shard is 1/1; expected 1/2"),
     ] {
         let ran = folder.run(&format!("render room.ron --spp 6 --resume {flags}"));
