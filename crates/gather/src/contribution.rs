@@ -38,8 +38,20 @@ pub(crate) fn unoccluded(
     id: LightId,
     rng: &mut Rng,
 ) -> Option<Unoccluded> {
+    unoccluded_of(lights, shape, x, id, lights.intensity(id), rng)
+}
+
+/// As [`unoccluded`], were the light's intensity `intensity`.
+pub(crate) fn unoccluded_of(
+    lights: &LightSet,
+    shape: VirtualShape,
+    x: &GatherPoint,
+    id: LightId,
+    intensity: Vec3,
+    rng: &mut Rng,
+) -> Option<Unoccluded> {
     if lights.kind(id) == LightKind::Directional {
-        return parallel(lights, x, id);
+        return parallel(lights, x, id, intensity);
     }
     let position = lights.position(id);
     let offset = position - x.position;
@@ -49,16 +61,16 @@ pub(crate) fn unoccluded(
         return None;
     }
     let radiance = match lights.kind(id) {
-        LightKind::Omni => point(lights, x, id, offset),
+        LightKind::Omni => point(x, intensity, offset),
         LightKind::Virtual => {
             let normal = lights.axis(id);
             if normal.dot(offset) >= 0.0 {
                 return None;
             }
             match shape {
-                VirtualShape::Sphere => sphere(lights, x, id, offset, normal, rng),
+                VirtualShape::Sphere => sphere(lights.radius(), x, intensity, offset, normal, rng),
                 VirtualShape::ClampedPoint(clamp) => {
-                    clamped_point(lights, x, id, offset, normal, clamp)
+                    clamped_point(x, intensity, offset, normal, clamp)
                 }
             }
         }
@@ -71,35 +83,28 @@ pub(crate) fn unoccluded(
 }
 
 /// Inverse-square light. The caller has seen that `offset` is above both horizons, so it is not zero.
-fn point(lights: &LightSet, x: &GatherPoint, id: LightId, offset: Vec3) -> Vec3 {
+fn point(x: &GatherPoint, intensity: Vec3, offset: Vec3) -> Vec3 {
     let dist2 = offset.length_squared();
     let wi = offset / dist2.sqrt();
-    x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * (x.ns.dot(wi) / dist2)
+    x.brdf.eval(x.ns, x.wo, wi) * intensity * (x.ns.dot(wi) / dist2)
 }
 
-fn clamped_point(
-    lights: &LightSet,
-    x: &GatherPoint,
-    id: LightId,
-    offset: Vec3,
-    normal: Vec3,
-    clamp: f32,
-) -> Vec3 {
+fn clamped_point(x: &GatherPoint, intensity: Vec3, offset: Vec3, normal: Vec3, clamp: f32) -> Vec3 {
     let dist2 = offset.length_squared();
     let wi = offset / dist2.sqrt();
     let geometry = (x.ns.dot(wi) * -normal.dot(wi) / dist2).min(clamp);
-    x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * geometry
+    x.brdf.eval(x.ns, x.wo, wi) * intensity * geometry
 }
 
 fn sphere(
-    lights: &LightSet,
+    radius: f32,
     x: &GatherPoint,
-    id: LightId,
+    intensity: Vec3,
     offset: Vec3,
     normal: Vec3,
     rng: &mut Rng,
 ) -> Vec3 {
-    let cone = Subtended::new(offset, lights.radius(), x.ns);
+    let cone = Subtended::new(offset, radius, x.ns);
     let toward = -normal;
     let (cos_x, cos_light) = (x.ns.dot(cone.axis), toward.dot(cone.axis));
     let closed = cone.is_above(cos_x) && cone.is_above(cos_light);
@@ -120,17 +125,22 @@ fn sphere(
             reflected += brdf * (cosines * cone.spread());
         }
     }
-    lights.intensity(id) * reflected
+    intensity * reflected
 }
 
 /// Parallel light: no attenuation, the shadow ray leaves the scene.
-fn parallel(lights: &LightSet, x: &GatherPoint, id: LightId) -> Option<Unoccluded> {
+fn parallel(
+    lights: &LightSet,
+    x: &GatherPoint,
+    id: LightId,
+    intensity: Vec3,
+) -> Option<Unoccluded> {
     let wi = -lights.axis(id);
     let cos = x.ns.dot(wi);
     if cos <= 0.0 || x.ng.dot(wi) <= 0.0 {
         return None;
     }
-    let radiance = x.brdf.eval(x.ns, x.wo, wi) * lights.intensity(id) * cos;
+    let radiance = x.brdf.eval(x.ns, x.wo, wi) * intensity * cos;
     let shadow_ray = Ray {
         origin: x.position,
         direction: wi,

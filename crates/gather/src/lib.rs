@@ -6,6 +6,7 @@
 //! point, visibility included, is the same code for every method.
 
 mod contribution;
+mod error_bound;
 pub mod method;
 mod plan;
 mod point;
@@ -22,7 +23,15 @@ pub use shadow_queue::{LightEval, ShadowQueue};
 
 use std::sync::OnceLock;
 
-use light_tree::{LightSet, LightTree, TreeBuilder};
+use light_tree::{LightKind, LightSet, LightTree, Representatives, TreeBuilder};
+
+/// A tree for methods that let one light stand for others of its kind.
+#[derive(Debug)]
+struct Clusters {
+    /// None where the common tree keeps kinds apart as it is.
+    tree: Option<LightTree>,
+    representatives: Representatives,
+}
 
 /// What methods choose from: the lights, and a tree over them that is built when first asked for.
 #[derive(Debug)]
@@ -31,6 +40,7 @@ pub struct Inputs {
     pub lights: LightSet,
     builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
+    clusters: OnceLock<Option<Clusters>>,
 }
 
 impl Inputs {
@@ -40,6 +50,7 @@ impl Inputs {
             lights,
             builder,
             tree: OnceLock::new(),
+            clusters: OnceLock::new(),
         }
     }
 
@@ -50,8 +61,34 @@ impl Inputs {
             .as_ref()
     }
 
+    /// A tree that keeps kinds of light apart, with a light that stands for each cluster; `None` when there is
+    /// no light.
+    pub fn clusters(&self) -> Option<(&LightTree, &Representatives)> {
+        let clusters = self.clusters.get_or_init(|| self.choose()).as_ref()?;
+        let tree = clusters.tree.as_ref().or_else(|| self.built_tree())?;
+        Some((tree, &clusters.representatives))
+    }
+
+    fn choose(&self) -> Option<Clusters> {
+        let of = |kind| self.lights.count(kind) > 0;
+        let tree = if of(LightKind::Omni) && of(LightKind::Virtual) {
+            LightTree::build_by_kind(&self.lights, self.builder)
+        } else {
+            None
+        };
+        // The same for every render, so that two methods see the same clusters.
+        let seed = 0;
+        let over = tree.as_ref().or_else(|| self.tree())?;
+        let representatives = Representatives::choose(over, &self.lights, seed);
+        Some(Clusters {
+            tree,
+            representatives,
+        })
+    }
+
     /// The tree if some method asked for it.
     pub fn built_tree(&self) -> Option<&LightTree> {
-        self.tree.get()?.as_ref()
+        let common = self.tree.get().and_then(Option::as_ref);
+        common.or_else(|| self.clusters.get()?.as_ref()?.tree.as_ref())
     }
 }

@@ -52,7 +52,7 @@ impl Shard {
 /// Where time goes while rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Shadow rays. Measured in full.
+    /// Shadow rays. Measured in full where they are traced together, at one point in 64 where one by one.
     Trace,
     /// Choosing the clusters. This and the next two are measured at one point in 64.
     Cut,

@@ -7,7 +7,7 @@ use light_tree::{LightId, LightSet};
 use sampling::Rng;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
-use crate::contribution::{VirtualShape, unoccluded};
+use crate::contribution::{VirtualShape, unoccluded, unoccluded_of};
 use crate::point::GatherPoint;
 use crate::render::{Counters, Phase};
 
@@ -23,6 +23,13 @@ pub trait LightEval {
 
     /// Radiance that light `id` sends by way of `x` toward the viewer, visibility included, at once.
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
+
+    /// As [`radiance`](Self::radiance), were the light's intensity 1 in every channel: one light can stand for
+    /// others of any colour, also where it lacks a channel itself.
+    fn unit_radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
+
+    /// How virtual lights shine: what bounds have to know.
+    fn shape(&self) -> VirtualShape;
 
     /// Adds radiance that the method worked out itself, to the pixel sample of `x`.
     fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3);
@@ -126,6 +133,29 @@ impl<'a> ShadowQueue<'a> {
         (self.counters, &self.scratch.sums)
     }
 
+    /// Radiance of light `id`, were its intensity `intensity`, traced at once.
+    fn radiance_of(&mut self, x: &GatherPoint, id: LightId, intensity: Vec3) -> Vec3 {
+        self.counters.light_samples += 1;
+        let light = unoccluded_of(self.lights, self.shape, x, id, intensity, &mut self.rng);
+        let Some(light) = light else {
+            return Vec3::ZERO;
+        };
+        if !light.radiance.is_finite() {
+            self.counters.nonfinite += 1;
+            return Vec3::ZERO;
+        }
+        self.counters.shadow_rays += 1;
+        let started = self.mark.map(|_| Instant::now());
+        let occluded = self.tracer.is_occluded(&light.shadow_ray);
+        if let (Some(mark), Some(started)) = (&mut self.mark, started) {
+            // The ray's time is taken out of the phase under way.
+            let spent = started.elapsed();
+            *mark += spent;
+            self.counters.time(Phase::Trace, spent * TIMED);
+        }
+        if occluded { Vec3::ZERO } else { light.radiance }
+    }
+
     fn flush(&mut self) {
         let started = Instant::now();
         let scratch = &mut *self.scratch;
@@ -175,20 +205,15 @@ impl LightEval for ShadowQueue<'_> {
     }
 
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {
-        self.counters.light_samples += 1;
-        let Some(light) = unoccluded(self.lights, self.shape, x, id, &mut self.rng) else {
-            return Vec3::ZERO;
-        };
-        if !light.radiance.is_finite() {
-            self.counters.nonfinite += 1;
-            return Vec3::ZERO;
-        }
-        self.counters.shadow_rays += 1;
-        if self.tracer.is_occluded(&light.shadow_ray) {
-            Vec3::ZERO
-        } else {
-            light.radiance
-        }
+        self.radiance_of(x, id, self.lights.intensity(id))
+    }
+
+    fn unit_radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {
+        self.radiance_of(x, id, Vec3::ONE)
+    }
+
+    fn shape(&self) -> VirtualShape {
+        self.shape
     }
 
     fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3) {

@@ -101,19 +101,38 @@ impl Receiver {
         if cone.cos <= 0.0 {
             return 1.0;
         }
-        // Seen from the lights the receiver fills the mirrored box.
-        let seen = self.relative(node);
-        let mirrored = RelativeBox {
-            lo: -seen.hi,
-            hi: -seen.lo,
-        };
-        let cos = Receiver::new(Vec3::ZERO, cone.axis).cos_bound_over(&mirrored);
-        if cos > 0.0 {
-            return widened_cos(cos, cone.cos);
-        }
-        // Below the axis' horizon the bound on cos⁺ says nothing of how far: only a wide cone reaches there.
-        widened_cos(mirrored.cos_below(cone.axis.into()), cone.cos)
+        widened_cos(
+            signed_cos_toward(cone.axis, &self.relative(node).mirrored()),
+            cone.cos,
+        )
     }
+
+    /// Upper bound of the cosine, signed, of the angle between the normal and the direction to any point of
+    /// the box; 1 where the box is the receiver's position alone.
+    pub(crate) fn signed_cos_bound_over(&self, seen: &RelativeBox) -> f32 {
+        let cos = self.cos_bound_over(seen);
+        if cos > 0.0 {
+            return cos;
+        }
+        // Below the horizon the bound on cos⁺ says nothing of how far.
+        seen.cos_below(self.normal)
+    }
+
+    /// The normal.
+    pub(crate) fn normal(&self) -> Vec3A {
+        self.normal
+    }
+
+    /// Where it is.
+    pub(crate) fn position(&self) -> Vec3A {
+        self.position
+    }
+}
+
+/// Upper bound of the cosine, signed, between unit `axis` and the direction from the origin to any point of
+/// the box.
+pub(crate) fn signed_cos_toward(axis: Vec3, seen: &RelativeBox) -> f32 {
+    Receiver::new(Vec3::ZERO, axis).signed_cos_bound_over(seen)
 }
 
 /// A box as the receiver sees it, the receiver at the origin.
@@ -150,6 +169,15 @@ impl RelativeBox {
         }
     }
 
+    /// The receiver's place as seen from the points of the box.
+    #[inline]
+    pub(crate) fn mirrored(&self) -> Self {
+        Self {
+            lo: -self.hi,
+            hi: -self.lo,
+        }
+    }
+
     /// Upper bound of the cosine with `axis` where that is known to be ≤ 0: the greatest z over the greatest
     /// length.
     fn cos_below(&self, axis: Vec3A) -> f32 {
@@ -165,17 +193,28 @@ impl RelativeBox {
 }
 
 /// cos⁺(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
-fn widened_cos(cos: f32, cos_half: f32) -> f32 {
+pub(crate) fn widened_cos(cos: f32, cos_half: f32) -> f32 {
+    widened_signed_cos(cos, cos_half).max(0.0)
+}
+
+/// cos(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
+pub(crate) fn widened_signed_cos(cos: f32, cos_half: f32) -> f32 {
+    // Not 1 − cos²: that loses all digits of a small angle.
+    let sin_half = ((1.0 - cos_half) * (1.0 + cos_half)).max(0.0).sqrt();
+    widened_by(cos, cos_half, sin_half)
+}
+
+/// cos(θ − β) for θ given by `cos` and β by its cosine and sine, 1 when θ ≤ β. A cosine alone cannot tell a β
+/// below 3·10⁻⁴ from 0.
+pub(crate) fn widened_by(cos: f32, cos_half: f32, sin_half: f32) -> f32 {
     // What rounding may have taken off: near −1 and 1 that is worth 5·10⁻⁴ radians.
     let cos = (cos + 3e-7).clamp(-1.0, 1.0);
     if cos >= cos_half - SLACK {
         return 1.0;
     }
-    // Not 1 − cos²: that loses all digits of a small angle.
     let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
-    let sin_half = ((1.0 - cos_half) * (1.0 + cos_half)).max(0.0).sqrt();
     let widened = cos * cos_half + sin * sin_half + SLACK;
-    widened.clamp(0.0, 1.0)
+    widened.clamp(-1.0, 1.0)
 }
 
 #[cfg(test)]

@@ -170,7 +170,16 @@ struct Top {
     depth: u32,
 }
 
-pub(crate) fn build(lights: &LightSet, builder: TreeBuilder) -> Option<LightTree> {
+/// Which lights get a subtree of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Apart {
+    /// Those without a place.
+    Directional,
+    /// Those of each kind.
+    Kinds,
+}
+
+pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Option<LightTree> {
     let n = lights.len();
     assert!(
         n <= MAX_LIGHTS,
@@ -188,19 +197,21 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder) -> Option<LightTree
             id: id.0,
         })
         .collect();
-    // Lights of one kind get a subtree of their own: directional ones have no place, and what one point
-    // light sends says nothing of virtual lights beside it. Walter et al. 2005 keep separate trees for it.
-    let kinds = [LightKind::Omni, LightKind::Virtual, LightKind::Directional];
-    let groups: Vec<usize> = kinds
-        .iter()
-        .map(|k| lights.count(*k))
-        .filter(|&count| count > 0)
-        .collect();
+    // Directional lights have no place: they get a subtree of their own beside all the others.
+    let rank = |id| match lights.kind(LightId(id)) {
+        LightKind::Directional => 2,
+        LightKind::Virtual if apart == Apart::Kinds => 1,
+        LightKind::Omni | LightKind::Virtual => 0,
+    };
+    let mut groups = [0; 3];
+    for i in &items {
+        groups[rank(i.id)] += 1;
+    }
+    let parallel = groups[2];
+    let groups: Vec<usize> = groups.into_iter().filter(|&count| count > 0).collect();
     if groups.len() > 1 {
-        let rank = |id| kinds.iter().position(|k| *k == lights.kind(LightId(id)));
         items.sort_by_key(|i| (rank(i.id), i.id));
     }
-    let parallel = lights.count(LightKind::Directional);
     let positional = n - parallel;
 
     let oriented = items.iter().any(|i| i.axis != Vec3::ZERO);

@@ -48,7 +48,20 @@ impl Brdf {
     #[inline]
     pub fn eval_specular(&self, n: Vec3, wo: Vec3, wi: Vec3) -> Vec3 {
         let cos = mirror(n, wo).dot(wi).max(0.0);
-        self.specular * ((self.exponent + 2.0) / (2.0 * PI) * cos.powf(self.exponent))
+        self.specular * (self.lobe_peak() * cos.powf(self.exponent))
+    }
+
+    /// Value of the specular lobe along its axis for a reflectance of 1, in sr⁻¹; away from it the value falls
+    /// with cosⁿ.
+    #[inline]
+    pub fn lobe_peak(&self) -> f32 {
+        (self.exponent + 2.0) / (2.0 * PI)
+    }
+
+    /// Unit axis of the specular lobe: the mirror direction of `wo` about `n`.
+    #[inline]
+    pub fn lobe_axis(n: Vec3, wo: Vec3) -> Vec3 {
+        mirror(n, wo)
     }
 
     /// Greatest share of arriving light that leaves again, per channel.

@@ -18,7 +18,7 @@ use crate::shadow_queue::{QueueScratch, ShadowQueue};
 const FALSE_ALARM: f64 = 1e-4;
 
 /// A floor, a wall, and a block that casts shadows; `glossy` adds a Phong lobe.
-fn room(glossy: bool) -> Scene {
+pub(super) fn room(glossy: bool) -> Scene {
     let mut mesh = Mesh::default();
     let mut quad = |corners: [[f32; 3]; 4]| {
         let first = mesh.positions.len() as u32;
@@ -66,7 +66,7 @@ fn room(glossy: bool) -> Scene {
 }
 
 /// The light sets of the suite, by name.
-fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, LightSet)> {
+pub(super) fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, LightSet)> {
     let mut rng = Rng::new(21, 0, 0, Purpose::Build);
     let mut points = LightSet::default();
     for _ in 0..150 {
@@ -122,7 +122,7 @@ fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, LightSet)> {
 }
 
 /// Gather points on floor, wall, block, in a corner, and right beside a light.
-fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
+pub(super) fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
     let hits = [
         (0, 0.3, 0.3),
         (1, 0.7, 0.1),

@@ -1,6 +1,7 @@
 //! The methods, one a file, and the list of them.
 
 mod all_lights;
+mod lightcuts;
 mod stochastic_lightcuts;
 
 use sampling::Rng;
@@ -11,6 +12,7 @@ use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
 pub use all_lights::AllLights;
+pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
@@ -84,6 +86,7 @@ macro_rules! methods {
 
 methods! {
     AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
+    Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
 }
 

@@ -38,7 +38,7 @@ pub struct StochasticLightcutsSpec {
 /// Number of clusters in a cut, 1..=65536.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "u64")]
-pub struct CutSize(usize);
+pub struct CutSize(pub(super) usize);
 
 impl CutSize {
     /// As a number.

@@ -1,0 +1,254 @@
+//! How far the estimate of a cluster by one light can be off: what the cluster can send at most.
+//!
+//! Source: Walter et al., "Lightcuts: A Scalable Approach to Illumination", 2005, §3.2: material × geometry,
+//! with nothing in the way.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+use light_tree::{
+    ClusterBound, Falloff, LightKind, LightSet, LightTree, NodeId, Receivers, Representatives,
+    luminance,
+};
+use scene::Brdf;
+
+use crate::contribution::VirtualShape;
+use crate::point::GatherPoint;
+
+/// Reflection at one point, or the greatest at several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reflection {
+    /// Diffuse BRDF value, sr⁻¹.
+    pub(crate) diffuse: Vec3,
+    /// Specular BRDF value along the lobe's axis, sr⁻¹; zero for matte surfaces.
+    pub(crate) specular: Vec3,
+    /// Off the axis the lobe is at most `specular` × cosⁿ for this n.
+    pub(crate) exponent: f32,
+}
+
+impl Reflection {
+    pub(crate) fn of(brdf: &Brdf) -> Self {
+        Self {
+            diffuse: brdf.diffuse * FRAC_1_PI,
+            specular: if brdf.is_glossy() {
+                brdf.specular * brdf.lobe_peak()
+            } else {
+                Vec3::ZERO
+            },
+            exponent: brdf.exponent,
+        }
+    }
+
+    pub(crate) fn is_glossy(&self) -> bool {
+        self.specular != Vec3::ZERO
+    }
+
+    /// Greatest BRDF value for directions that the lobe's axis sees under cosines up to `lobe_cos`.
+    fn value(&self, lobe_cos: f32) -> Vec3 {
+        if self.is_glossy() {
+            self.diffuse + self.specular * lobe_cos.powf(self.exponent)
+        } else {
+            self.diffuse
+        }
+    }
+}
+
+/// The clusters that bounds are asked about, and how their lights fall off.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Clusters<'a> {
+    pub(crate) tree: &'a LightTree,
+    pub(crate) representatives: &'a Representatives,
+    pub(crate) lights: &'a LightSet,
+    pub(crate) shape: VirtualShape,
+}
+
+impl Clusters<'_> {
+    /// Upper bound of the luminance that the lights below `id`, all of one kind, send by way of any of the
+    /// points to the viewer: of the error of an estimate that is not negative and not above it either.
+    ///
+    /// 0 only where nothing arrives; +∞ where a point may be at a light.
+    pub(crate) fn bound(&self, at: &Receivers, reflection: &Reflection, id: NodeId) -> f64 {
+        let ClusterBound { geometry, lobe_cos } = at.bound(self.tree, id, self.falloff(id));
+        let reflected = reflection.value(lobe_cos) * self.representatives.intensity(id);
+        let luminance = f64::from(luminance(reflected));
+        // A black surface is black also where the geometry is infinite.
+        if luminance > 0.0 {
+            luminance * f64::from(geometry)
+        } else {
+            0.0
+        }
+    }
+
+    fn falloff(&self, id: NodeId) -> Falloff {
+        match (self.lights.kind(self.representatives.light(id)), self.shape) {
+            (LightKind::Directional, _) => Falloff::None,
+            (LightKind::Omni, _) => Falloff::Point,
+            (LightKind::Virtual, VirtualShape::Sphere) => Falloff::Sphere(self.lights.radius()),
+            (LightKind::Virtual, VirtualShape::ClampedPoint(clamp)) => Falloff::ClampedPoint(clamp),
+        }
+    }
+}
+
+impl GatherPoint {
+    /// The point as error bounds see it.
+    pub(crate) fn receivers(&self) -> Receivers {
+        let mirror = self
+            .brdf
+            .is_glossy()
+            .then(|| Brdf::lobe_axis(self.ns, self.wo));
+        Receivers::at(&self.receiver, mirror)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contribution::unoccluded;
+    use arbtest::arbitrary::{Result, Unstructured};
+    use light_tree::{LightId, Receiver, TreeBuilder, VirtualLight};
+    use sampling::{Purpose, Rng};
+
+    fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
+        Ok(match u.int_in_range(0..=4)? {
+            0 => 0.0,
+            1 => 1.0,
+            2 => f32::from(u.arbitrary::<i8>()?) * 1e-6,
+            3 => f32::from(u.arbitrary::<i8>()?) / 64.0,
+            _ => f32::from(u.arbitrary::<i16>()?) / 256.0,
+        })
+    }
+
+    fn vector(u: &mut Unstructured<'_>) -> Result<Vec3> {
+        Ok(Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?))
+    }
+
+    fn unit(u: &mut Unstructured<'_>) -> Result<Vec3> {
+        Ok(vector(u)?.try_normalize().unwrap_or(Vec3::Y))
+    }
+
+    /// Lights of all kinds: in heaps, in a plane, all facing one way or every way.
+    fn lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
+        let mut set = LightSet::default();
+        let colour = |u: &mut Unstructured<'_>| -> Result<Vec3> {
+            let mut channel = || Ok(f32::from(u.int_in_range(0..=4_u8)?));
+            Ok(Vec3::new(channel()?, channel()?, channel()?))
+        };
+        for _ in 0..u.int_in_range(0..=8)? {
+            set.push_point(vector(u)?, colour(u)?);
+        }
+        for _ in 0..u.int_in_range(0..=4)? {
+            set.push_directional(unit(u)?, colour(u)?);
+        }
+        let common = if u.arbitrary()? { Some(unit(u)?) } else { None };
+        for _ in 0..u.int_in_range(0..=12)? {
+            let normal = match common {
+                Some(n) => n,
+                None => unit(u)?,
+            };
+            set.push_virtual(&VirtualLight {
+                position: vector(u)?,
+                normal,
+                incoming: normal,
+                flux: colour(u)?,
+                reflectance: Vec3::splat(0.5),
+                material: 0,
+            });
+        }
+        set.set_radius([0.0, 1e-3, 0.1, 2.0, 300.0][u.int_in_range(0..=4)?]);
+        Ok(set)
+    }
+
+    fn gather_point(u: &mut Unstructured<'_>, lights: &LightSet) -> Result<GatherPoint> {
+        let mut position = vector(u)?;
+        if !lights.is_empty() && u.ratio(1, 3)? {
+            position = lights.position(LightId(u.int_in_range(0..=lights.len() as u32 - 1)?));
+            if u.arbitrary()? {
+                position += vector(u)? * 1e-3;
+            }
+        }
+        let ns = unit(u)?;
+        let toward = unit(u)?;
+        let wo = if toward.dot(ns) >= 0.0 {
+            toward
+        } else {
+            -toward
+        };
+        let brdf = Brdf {
+            diffuse: Vec3::new(0.6, 0.0, 0.2) * f32::from(u.int_in_range(0..=1_u8)?),
+            specular: Vec3::new(0.3, 0.3, 0.0) * f32::from(u.int_in_range(0..=1_u8)?),
+            exponent: [1.0, 5.0, 40.0, 1000.0][u.int_in_range(0..=3)?],
+        };
+        Ok(GatherPoint {
+            position,
+            ng: ns,
+            ns,
+            wo,
+            brdf,
+            strength: Vec3::ONE,
+            slot: 0,
+            receiver: Receiver::new(position, ns),
+        })
+    }
+
+    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
+        let mut found = Vec::new();
+        let mut stack = vec![root];
+        while let Some(id) = stack.pop() {
+            found.extend(tree.node(id).light());
+            if let Some(first) = tree.node(id).first_child() {
+                stack.extend([first, NodeId(first.0 + 1)]);
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn no_light_of_a_cluster_exceeds_its_bound() {
+        let mut lit = 0;
+        arbtest::arbtest(|u| {
+            let lights = lights(u)?;
+            let x = gather_point(u, &lights)?;
+            let shape = match u.int_in_range(0..=3)? {
+                0 => VirtualShape::ClampedPoint(0.5),
+                1 => VirtualShape::ClampedPoint(f32::INFINITY),
+                _ => VirtualShape::Sphere,
+            };
+            let builder = *u.choose(&TreeBuilder::ALL)?;
+            let Some(tree) = LightTree::build(&lights, builder) else {
+                return Ok(());
+            };
+            let representatives = Representatives::choose(&tree, &lights, 0);
+            let clusters = Clusters {
+                tree: &tree,
+                representatives: &representatives,
+                lights: &lights,
+                shape,
+            };
+            let (at, reflection) = (x.receivers(), Reflection::of(&x.brdf));
+            let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
+            let mut stack = representatives.roots().to_vec();
+            while let Some(id) = stack.pop() {
+                let bound = clusters.bound(&at, &reflection, id);
+                assert!(bound >= 0.0, "bound {bound}");
+                let truth: f64 = lights_below(&tree, id)
+                    .into_iter()
+                    .filter_map(|l| unoccluded(&lights, shape, &x, l, &mut rng))
+                    .map(|l| f64::from(luminance(l.radiance)))
+                    .sum();
+                lit += i32::from(truth > 0.0);
+                // The sharpest lobe turns a rounding error of 1e-7 of a cosine into 1e-4 of the value;
+                // below the least normal number there are no such digits.
+                assert!(
+                    bound >= truth * (1.0 - 1e-3) - 1e-36,
+                    "node {}: bound {bound}, truth {truth}, {shape:?}, {x:?}",
+                    id.0
+                );
+                if let Some(first) = tree.node(id).first_child() {
+                    stack.extend([first, NodeId(first.0 + 1)]);
+                }
+            }
+            Ok(())
+        });
+        assert!(lit > 100, "only {lit} lit clusters were looked at");
+    }
+}
