@@ -276,11 +276,16 @@ impl Job {
                 true => "is a folder",
                 false => "is not there",
             };
-            let message = format!(
-                "found {:?}: {} {what}; expected the path of a scene.ron, relative to the run file",
-                spec.scene,
-                scene.display()
-            );
+            let expected = match spec
+                .scene
+                .strip_prefix('$')
+                .and_then(|s| s.split('/').next())
+            {
+                Some(variable) => format!("{variable} to be {}", scene::load::SCENE_FOLDER),
+                None => "the path of a scene.ron, relative to the run file".into(),
+            };
+            let (found, file) = (&spec.scene, scene.display());
+            let message = format!("found {found:?}: {file} {what}; expected {expected}");
             return Err(scene_error(arguments, &message));
         }
         Ok(Self {
