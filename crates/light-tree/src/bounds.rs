@@ -118,6 +118,12 @@ impl Receiver {
         seen.cos_below(self.normal)
     }
 
+    /// Whether any point of the box is above the horizon; true when rounding leaves a doubt.
+    #[inline]
+    pub(crate) fn sees_above_horizon(&self, seen: &RelativeBox) -> bool {
+        seen.top(self.normal) > 0.0
+    }
+
     /// The normal.
     pub(crate) fn normal(&self) -> Vec3A {
         self.normal
@@ -178,11 +184,23 @@ impl RelativeBox {
         }
     }
 
+    /// Middle of the box.
+    #[inline]
+    pub(crate) fn centre(&self) -> Vec3A {
+        (self.lo + self.hi) * 0.5
+    }
+
+    /// Upper bound of the extent along `axis`.
+    #[inline]
+    fn top(&self, axis: Vec3A) -> f32 {
+        let (centre, half) = self.centre_and_half();
+        axis.dot(centre) + axis.abs().dot(half + SLACK * (centre.abs() + half))
+    }
+
     /// Upper bound of the cosine with `axis` where that is known to be ≤ 0: the greatest z over the greatest
     /// length.
     fn cos_below(&self, axis: Vec3A) -> f32 {
-        let (centre, half) = self.centre_and_half();
-        let top = axis.dot(centre) + axis.abs().dot(half + SLACK * (centre.abs() + half));
+        let top = self.top(axis);
         let length2 = self.distances().greatest2;
         if length2 > 0.0 {
             (top / length2.sqrt()).clamp(-1.0, 1.0)

@@ -1,8 +1,12 @@
 //! The methods, one a file, and the list of them.
 
 mod all_lights;
+mod importance;
 mod lightcuts;
+mod power;
+mod sample_count;
 mod stochastic_lightcuts;
+mod uniform;
 
 use sampling::Rng;
 use serde::de::DeserializeOwned;
@@ -12,8 +16,12 @@ use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
 pub use all_lights::AllLights;
+pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
+pub use power::{Power, PowerSpec};
+pub use sample_count::SampleCount;
 pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
+pub use uniform::{Uniform, UniformSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
 pub trait Method<'a>: Sized + Sync {
@@ -86,6 +94,9 @@ macro_rules! methods {
 
 methods! {
     AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
+    Uniform(Uniform, UniformSpec, "uniform"),
+    Power(Power, PowerSpec, "power"),
+    Importance(Importance, ImportanceSpec, "importance"),
     Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
 }
