@@ -31,6 +31,13 @@ impl NodeWeights {
     ];
 }
 
+impl NodeWeights {
+    /// Whether where lights point is looked at, in cuts as well as on the way down.
+    pub(crate) fn bounds_emission(self) -> bool {
+        matches!(self, Self::MinMax | Self::ContyKulla2018)
+    }
+}
+
 /// Weights of a pair of children: finite, ≥ 0, both 0 when neither can light the receiver.
 pub(crate) type PairWeights = [f32; 2];
 
@@ -118,16 +125,12 @@ impl LightTree {
             if !node.has_positions() {
                 continue;
             }
-            let cos = receiver.cos_bound(node);
-            if cos > 0.0 {
-                let emission = if CONES {
-                    receiver.emission_bound(node, self.cone(NodeId(first.0 + k as u32)))
-                } else {
-                    1.0
-                };
-                lit[k] = cos * emission * node.intensity;
+            let seen = receiver.relative(node);
+            lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
+            if CONES {
+                lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
             }
-            let range = receiver.distances(node);
+            let range = seen.distances();
             least2[k] = range.least2.max(self.least_dist2);
             greatest2[k] = range.greatest2.max(self.least_dist2);
         }
