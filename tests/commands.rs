@@ -307,6 +307,12 @@ fn set_changes_any_field() {
     let count = whole_number(&report, "/lights/virtual");
     assert!((100..=800).contains(&count), "{count} virtual lights");
     assert_eq!(report["virtual_lights"]["radius"], 0.0, "points");
+    // Fields of what the file leaves out; the whole struct is made.
+    folder.write("bare.ron", "(scene: \"scene/scene.ron\")");
+    folder
+        .run("render bare.ron --set image.width=8 --set image.height=4 --set image.spp=1")
+        .fine();
+    assert_eq!(folder.json("out/bare.json")["width"], 8, "width");
     // A flag overrides --set as it overrides the file.
     folder
         .run("render room.ron --set image.spp=2 --spp 1")
@@ -406,6 +412,56 @@ fn a_camera_inside_a_wall_or_outside_the_room_renders() {
             "camera at {origin}"
         );
     }
+}
+
+#[test]
+fn more_shards_than_tiles_are_merged_as_well() {
+    let folder = room("--name whole --size 20x10");
+    for part in 1..=3 {
+        let line = format!("render room.ron --size 20x10 --shard {part}/3 --name p{part}");
+        folder.run(&line).fine();
+    }
+    folder
+        .run("merge out/p1.exr out/p2.exr out/p3.exr --out out/all.exr")
+        .fine();
+    assert!(
+        folder.read("out/all.exr") == folder.read("out/whole.exr"),
+        "merged shards differ from the whole"
+    );
+}
+
+#[test]
+fn shards_may_come_from_different_folders() {
+    let folder = room("--name p1 --shard 1/2");
+    let elsewhere = folder.path("scene/scene.ron").display().to_string();
+    let scene = format!("scene={elsewhere:?}");
+    let words = [
+        "render", "room.ron", "--name", "p2", "--shard", "2/2", "--set",
+    ];
+    folder.run_words(&[&words[..], &[&*scene]].concat()).fine();
+    folder
+        .run("merge out/p1.exr out/p2.exr --out out/all.exr")
+        .fine();
+    // The same place, but not the same scene.
+    let text = support::ROOM_SCENE.replace("0.3, 1.8", "0.4, 1.8");
+    folder.write("scene/scene.ron", text);
+    folder.run("render room.ron --name p2 --shard 2/2").fine();
+    let ran = folder.run("merge out/p1.exr out/p2.exr --out out/none.exr");
+    ran.exits(2).says(&["p2.exr", "scene_content is"]);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    use std::process::Stdio;
+
+    let folder = Folder::with_room();
+    let mut command = folder.command("check room.ron");
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!((output.status.code(), &*said), (Some(0), ""), "no panic");
 }
 
 #[test]

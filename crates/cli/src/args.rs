@@ -1,10 +1,15 @@
 //! The command line.
 
+use std::fmt::Display;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand};
 use gather::{MethodSpec, Shard};
 use ron_file::Override;
+
+use crate::job::{Extent, Samples};
 
 /// A many-light renderer: a million virtual lights, a light tree, and stochastic lightcuts.
 #[derive(Debug, Parser)]
@@ -41,10 +46,10 @@ pub(crate) struct JobArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<[u32; 2]>,
     /// Samples a pixel
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_samples)]
     pub(crate) spp: Option<u32>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     pub(crate) seed: Option<u64>,
     /// Set any field of the run file to a RON value, such as lights.count=2000; repeatable
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -56,10 +61,10 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) job: JobArgs,
     /// Stop after the pass in which this many seconds of rendering fall, those before --resume included
-    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub(crate) max_seconds: Option<f64>,
     /// Threads; all processors when not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
     pub(crate) threads: Option<u16>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -98,7 +103,7 @@ pub(crate) struct CompareArgs {
     #[arg(long)]
     pub(crate) json: bool,
     /// Exit with 1 when relmse is above this
-    #[arg(long, value_name = "X", value_parser = parse_limit)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_limit)]
     pub(crate) max_relmse: Option<f64>,
 }
 
@@ -135,12 +140,42 @@ fn method_help() -> String {
 
 /// `480x270`.
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let expected = || format!("found {text}; expected WIDTHxHEIGHT, such as 480x270");
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(expected)?;
-    Ok([
-        w.parse().map_err(|_| expected())?,
-        h.parse().map_err(|_| expected())?,
-    ])
+    let (w, h) = text
+        .split_once(['x', 'X'])
+        .ok_or_else(|| format!("found {text}; expected WIDTHxHEIGHT, such as 480x270"))?;
+    let extent = |what: &str, text| match whole(text, Extent::RANGE) {
+        Ok(extent) => Ok(extent),
+        Err(message) => Err(format!("{what}: {message}")),
+    };
+    Ok([extent("width", w)?, extent("height", h)?])
+}
+
+fn parse_samples(text: &str) -> Result<u32, String> {
+    whole(text, Samples::RANGE)
+}
+
+fn parse_seed(text: &str) -> Result<u64, String> {
+    whole(text, 0..=u64::MAX)
+}
+
+fn parse_threads(text: &str) -> Result<u16, String> {
+    // More threads than any machine has only cost memory, and the system may not give them.
+    whole(text, 1..=4096)
+}
+
+/// A whole number in a range.
+fn whole<T>(text: &str, range: RangeInclusive<T>) -> Result<T, String>
+where
+    T: FromStr + PartialOrd + Display,
+{
+    match text.parse::<T>() {
+        Ok(number) if range.contains(&number) => Ok(number),
+        _ => Err(format!(
+            "found {text}; expected a whole number, {}..={}",
+            range.start(),
+            range.end()
+        )),
+    }
 }
 
 /// A file name without folders.

@@ -3,44 +3,45 @@
 use gather::Plan;
 use scene::trace::Tracer;
 
+use crate::answer::Answer;
 use crate::args::CheckArgs;
 use crate::error::CliError;
 use crate::job::{Job, LightsSpec};
 use crate::machine::{available_memory, human};
 use crate::render::refuse_too_large;
 
-#[allow(clippy::print_stdout, reason = "the answer of the command")]
 pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
     let scene = scene::load::load(&job.scene)?;
     let tracer = Tracer::build(&scene);
     let lights = vpl::source_lights(&scene.emitters);
     let notes = &scene.notes;
+    let mut answer = Answer::default();
 
-    println!("scene      {}", job.scene.display());
-    println!(
+    answer.line(format_args!("scene      {}", job.scene.display()));
+    answer.line(format_args!(
         "triangles  {} ({} can be hit)",
         scene.mesh.len(),
         tracer.triangle_count()
-    );
-    println!(
+    ));
+    answer.line(format_args!(
         "materials  {}, textures {}",
         scene.materials.len(),
         scene.textures.len()
-    );
-    println!("lights     {}", lights.len());
+    ));
+    answer.line(format_args!("lights     {}", lights.len()));
     if let LightsSpec::Virtual(v) = job.lights {
-        println!(
+        answer.line(format_args!(
             "           and about {} virtual ones, up to {} bounces",
             v.count.0, v.max_bounces.0
-        );
+        ));
     }
-    println!("camera     {:?}", scene.camera);
-    println!(
+    answer.line(format_args!("camera     {:?}", scene.camera));
+    answer.line(format_args!(
         "picture    {}x{}, {} samples a pixel",
         job.width, job.height, job.spp
-    );
-    println!("method     {:?}", job.method);
+    ));
+    answer.line(format_args!("method     {:?}", job.method));
     for (count, what) in [
         (notes.degenerate_triangles, "triangles without area dropped"),
         (
@@ -55,26 +56,29 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
         ),
     ] {
         if count > 0 {
-            println!("note       {count} {what}");
+            answer.line(format_args!("note       {count} {what}"));
         }
     }
     for remark in &notes.remarks {
-        println!("note       {remark}");
+        answer.line(format_args!("note       {remark}"));
     }
     if lights.is_empty() {
-        println!("note       no lights: the picture will be black");
+        answer.line(format_args!(
+            "note       no lights: the picture will be black"
+        ));
     }
     let uses_tree = !matches!(job.method, gather::MethodSpec::AllLights(_)) && !lights.is_empty();
     let mut plan = Plan::of(&scene, &lights, uses_tree);
     if matches!(job.lights, LightsSpec::Virtual(_)) && !lights.is_empty() {
         plan.need("virtual lights");
     }
-    println!("needs      {}", plan.needs().join(", "));
-    println!("skips      {}", plan.skipped().join(", "));
+    answer.line(format_args!("needs      {}", plan.needs().join(", ")));
+    answer.line(format_args!("skips      {}", plan.skipped().join(", ")));
     let free = available_memory().map_or(String::new(), |m| format!(" of {} free", human(m)));
-    println!(
+    answer.line(format_args!(
         "memory     about {}{free}",
         human(job.memory() + tracer.bytes() as u64)
-    );
+    ));
+    answer.print()?;
     refuse_too_large(&job)
 }

@@ -1,25 +1,27 @@
 //! `manylight compare`.
 
+use crate::answer::Answer;
 use crate::args::CompareArgs;
 use crate::error::CliError;
 
-#[allow(clippy::print_stdout, reason = "the answer of the command")]
 pub(crate) fn run(arguments: &CompareArgs) -> Result<(), CliError> {
     let image = film::read_image(&arguments.image)?;
     let reference = film::read_image(&arguments.reference)?;
     let metrics = film::compare(&image, &reference)?;
+    let mut answer = Answer::default();
     if arguments.json {
         let fields: serde_json::Map<String, serde_json::Value> = metrics
             .fields()
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value.into()))
             .collect();
-        println!("{}", serde_json::Value::Object(fields));
+        answer.line(serde_json::Value::Object(fields));
     } else {
         for (name, value) in metrics.fields() {
-            println!("{name:<11} {value:.6e}");
+            answer.line(format_args!("{name:<11} {value:.6e}"));
         }
     }
+    answer.print()?;
     match arguments.max_relmse {
         Some(limit) if metrics.relmse.is_nan() || metrics.relmse > limit => {
             Err(CliError::Limit(format!(

@@ -1,8 +1,10 @@
 //! The run file. A [`JobSpec`] is what is written, a [`Job`] what has been found sound.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use gather::{MethodSpec, VirtualShape};
+use light_tree::TreeBuilder;
 use ron_file::{Override, Place, RonError};
 use serde::Deserialize;
 
@@ -20,6 +22,8 @@ struct JobSpec {
     lights: LightsSpec,
     #[serde(default)]
     integrator: Integrator,
+    #[serde(default)]
+    tree: TreeSpec,
     #[serde(default)]
     method: MethodSpec,
     #[serde(default = "default_seed")]
@@ -105,6 +109,42 @@ pub(crate) struct VplSpec {
     pub(crate) clamp: Option<Clamp>,
 }
 
+/// The light tree of methods that use one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct TreeSpec {
+    /// How clusters are found.
+    pub(crate) builder: Builder,
+}
+
+/// [`TreeBuilder`] in a run file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+pub(crate) enum Builder {
+    /// Top-down over position and direction.
+    #[default]
+    Binned,
+    /// Surface area orientation heuristic.
+    Saoh,
+    /// Morton code.
+    Morton,
+    /// Perfect binary tree over Morton order.
+    PerfectMorton,
+    /// Bottom-up.
+    Agglomerative,
+}
+
+impl From<Builder> for TreeBuilder {
+    fn from(builder: Builder) -> Self {
+        match builder {
+            Builder::Binned => Self::Binned,
+            Builder::Saoh => Self::Saoh,
+            Builder::Morton => Self::Morton,
+            Builder::PerfectMorton => Self::PerfectMorton,
+            Builder::Agglomerative => Self::Agglomerative,
+        }
+    }
+}
+
 /// Which light paths are followed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 enum Integrator {
@@ -117,19 +157,25 @@ enum Integrator {
 macro_rules! whole {
     ($name:ident, $type:ty, $range:expr) => {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-        #[serde(try_from = "u64")]
+        // Signed, so that a negative number comes as far as the message.
+        #[serde(try_from = "i64")]
         pub(crate) struct $name(pub(crate) $type);
 
-        impl TryFrom<u64> for $name {
+        impl $name {
+            pub(crate) const RANGE: RangeInclusive<$type> = $range;
+        }
+
+        impl TryFrom<i64> for $name {
             type Error = String;
 
-            fn try_from(value: u64) -> Result<Self, String> {
+            fn try_from(value: i64) -> Result<Self, String> {
+                let range = Self::RANGE;
                 match <$type>::try_from(value) {
-                    Ok(v) if $range.contains(&v) => Ok(Self(v)),
+                    Ok(v) if range.contains(&v) => Ok(Self(v)),
                     _ => Err(format!(
                         "found {value}; expected {}..={}",
-                        $range.start(),
-                        $range.end()
+                        range.start(),
+                        range.end()
                     )),
                 }
             }
@@ -137,10 +183,10 @@ macro_rules! whole {
     };
 }
 
-whole!(Extent, u32, (1..=65_536));
-whole!(Samples, u32, (1..=16_777_216));
-whole!(LightCount, usize, (0..=1_000_000_000));
-whole!(Bounces, u32, (1..=1024));
+whole!(Extent, u32, 1..=65_536);
+whole!(Samples, u32, 1..=16_777_216);
+whole!(LightCount, usize, 0..=1_000_000_000);
+whole!(Bounces, u32, 1..=1024);
 
 /// A finite length, 0 or more.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -192,6 +238,7 @@ pub(crate) struct Job {
     pub(crate) height: u32,
     pub(crate) spp: u32,
     pub(crate) lights: LightsSpec,
+    pub(crate) tree: TreeSpec,
     pub(crate) method: MethodSpec,
     pub(crate) seed: u64,
     /// The run file's stem.
@@ -213,18 +260,9 @@ impl Job {
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
         let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
         let Integrator::Direct = spec.integrator;
-        let [width, height] = match arguments.size {
-            Some([w, h]) => [extent("--size: width", w)?, extent("--size: height", h)?],
-            None => [spec.image.width.0, spec.image.height.0],
-        };
-        let spp = match arguments.spp {
-            Some(n) => {
-                Samples::try_from(u64::from(n))
-                    .map_err(|e| CliError::Input(format!("--spp: {e}")))?
-                    .0
-            }
-            None => spec.image.spp.0,
-        };
+        let image = spec.image;
+        let [width, height] = arguments.size.unwrap_or([image.width.0, image.height.0]);
+        let spp = arguments.spp.unwrap_or(image.spp.0);
         let folder = arguments.config.parent().unwrap_or(Path::new(""));
         let stem = arguments
             .config
@@ -238,11 +276,16 @@ impl Job {
                 true => "is a folder",
                 false => "is not there",
             };
-            let message = format!(
-                "found {:?}: {} {what}; expected the path of a scene.ron, relative to the run file",
-                spec.scene,
-                scene.display()
-            );
+            let expected = match spec
+                .scene
+                .strip_prefix('$')
+                .and_then(|s| s.split('/').next())
+            {
+                Some(variable) => format!("{variable} to be {}", scene::load::SCENE_FOLDER),
+                None => "the path of a scene.ron, relative to the run file".into(),
+            };
+            let (found, file) = (&spec.scene, scene.display());
+            let message = format!("found {found:?}: {file} {what}; expected {expected}");
             return Err(scene_error(arguments, &message));
         }
         Ok(Self {
@@ -252,6 +295,7 @@ impl Job {
             height,
             spp,
             lights: spec.lights,
+            tree: spec.tree,
             method: spec.method,
             seed: arguments.seed.unwrap_or(spec.seed),
             name: stem.unwrap_or_else(|| "render".into()),
@@ -302,12 +346,6 @@ fn scene_error(arguments: &JobArgs, message: &str) -> CliError {
         column: place.column,
         message: format!("scene: {message}"),
     })
-}
-
-fn extent(what: &str, value: u32) -> Result<u32, CliError> {
-    Extent::try_from(u64::from(value))
-        .map(|e| e.0)
-        .map_err(|e| CliError::Input(format!("{what}: {e}")))
 }
 
 /// The variant that a command-line name stands for.

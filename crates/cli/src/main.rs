@@ -1,5 +1,6 @@
 //! The `manylight` command: reads the command line, runs one subcommand, maps failures to exit codes.
 
+mod answer;
 mod args;
 mod check;
 mod compare;

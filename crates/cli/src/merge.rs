@@ -13,8 +13,9 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     for path in &arguments.shards {
         let (picture, found) = Picture::read_exr(path)?;
         match &attributes {
-            Some(first) if *first != found => {
-                let differs = first.iter().zip(&found).find(|(a, b)| a != b);
+            Some(first) if without_path(first) != without_path(&found) => {
+                let pairs = without_path(first).into_iter().zip(without_path(&found));
+                let differs = pairs.into_iter().find(|(a, b)| a != b);
                 let what = differs.map_or(String::new(), |(a, b)| {
                     format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
                 });
@@ -23,7 +24,8 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
                     path.display()
                 )));
             }
-            _ => attributes = Some(found),
+            Some(_) => {}
+            None => attributes = Some(found),
         }
         parts.push((path.display().to_string(), picture));
     }
@@ -31,4 +33,10 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     whole.write_exr(&arguments.out, &attributes.unwrap_or_default())?;
     whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
     Ok(())
+}
+
+/// All but where the scene was: shards may come from several machines, and `scene_content` tells scenes apart.
+fn without_path(attributes: &[(String, String)]) -> Vec<&(String, String)> {
+    let path = |name: &str| name == "scene";
+    attributes.iter().filter(|(name, _)| !path(name)).collect()
 }

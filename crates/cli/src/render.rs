@@ -43,11 +43,19 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
         .map(film::read_image)
         .transpose()?;
     if let Some(reference) = &reference {
-        refuse_other_size(job, reference, arguments)?;
+        refuse_reference(job, reference, arguments)?;
     }
     let saved = match arguments.resume {
         true => Saved::open(&output.state)?,
-        false => None,
+        false => {
+            if output.state.exists() {
+                let state = output.state.display();
+                progress.line(&format!(
+                    "{state} is of an unfinished render, which --resume would continue: this one begins anew"
+                ));
+            }
+            None
+        }
     };
     let mut seconds = SetUpSeconds::default();
     let prepared = Prepared::new(job, &mut seconds, progress)?;
@@ -251,7 +259,7 @@ impl Prepared {
         Ok(Self {
             scene,
             tracer,
-            inputs: Inputs::new(lights),
+            inputs: Inputs::new(lights, job.tree.builder.into()),
             virtual_lights,
         })
     }
@@ -297,19 +305,28 @@ pub(crate) fn refuse_too_large(job: &Job) -> Result<(), CliError> {
     }
 }
 
-fn refuse_other_size(job: &Job, reference: &Image, arguments: &RenderArgs) -> Result<(), CliError> {
-    if (reference.width, reference.height) == (job.width, job.height) {
-        return Ok(());
-    }
+/// Refuses a reference that no picture of the job can be compared with.
+fn refuse_reference(job: &Job, reference: &Image, arguments: &RenderArgs) -> Result<(), CliError> {
     let path = arguments
         .reference
         .as_deref()
         .unwrap_or(std::path::Path::new(""))
         .display();
-    Err(CliError::Input(format!(
-        "{path}: the reference is {}x{}; expected the render's {}x{}",
-        reference.width, reference.height, job.width, job.height
-    )))
+    if (reference.width, reference.height) != (job.width, job.height) {
+        return Err(CliError::Input(format!(
+            "{path}: the reference is {}x{}; expected the render's {}x{}",
+            reference.width, reference.height, job.width, job.height
+        )));
+    }
+    match reference.pixels.iter().position(|p| !p.is_finite()) {
+        Some(at) => Err(CliError::Input(format!(
+            "{path}: the reference is {} at x={}, y={}; expected finite values",
+            reference.pixels[at],
+            at % reference.width as usize,
+            at / reference.width as usize
+        ))),
+        None => Ok(()),
+    }
 }
 
 fn pass_error(picture: &Picture, reference: &Image, pass: Pass) -> Result<PassError, CliError> {

@@ -200,16 +200,30 @@ pub(crate) fn write(
 
 /// What the EXR of `spp` samples a pixel says about itself: enough to make it again.
 pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, String)> {
+    // Without `..`, so that whoever adds a field decides whether it decides the picture.
+    let Job {
+        file: _,
+        scene: path,
+        width: _,
+        height: _,
+        spp: _,
+        lights,
+        tree,
+        method,
+        seed,
+        name: _,
+    } = job;
     [
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("commit", env!("MANYLIGHT_COMMIT").to_owned()),
-        ("scene", job.scene.display().to_string()),
+        ("scene", path.display().to_string()),
         ("scene_content", format!("{:016x}", fingerprint(scene))),
         ("camera", format!("{:?}", scene.camera)),
-        ("lights", format!("{:?}", job.lights)),
-        ("method", format!("{:?}", job.method)),
+        ("lights", format!("{:?}", lights)),
+        ("tree", format!("{:?}", tree)),
+        ("method", format!("{:?}", method)),
         ("spp", spp.to_string()),
-        ("seed", job.seed.to_string()),
+        ("seed", seed.to_string()),
     ]
     .into_iter()
     .map(|(name, value)| (name.to_owned(), value))

@@ -1,16 +1,15 @@
 //! `manylight scene`.
 
+use crate::answer::Answer;
 use crate::args::SceneArgs;
 use crate::error::CliError;
 use crate::output::check_folder;
 
-#[allow(clippy::print_stdout, reason = "the answer of the command")]
 pub(crate) fn run(arguments: &SceneArgs) -> Result<(), CliError> {
     if arguments.list {
-        for name in procedural::NAMES {
-            println!("{name}");
-        }
-        return Ok(());
+        let mut answer = Answer::default();
+        procedural::NAMES.iter().for_each(|name| answer.line(name));
+        return answer.print();
     }
     let (Some(name), Some(out)) = (&arguments.name, &arguments.out) else {
         return Err(CliError::Input(

@@ -14,6 +14,7 @@ mod point;
 mod render;
 mod shadow_queue;
 mod vsl;
+mod weight;
 
 pub use contribution::VirtualShape;
 pub use method::{Method, MethodSpec};

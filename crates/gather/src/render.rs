@@ -600,6 +600,48 @@ mod tests {
     }
 
     #[test]
+    fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
+        let picture = |scene: &Scene| {
+            let tracer = Tracer::build(scene);
+            let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+            let method = MethodSpec::default();
+            let mut render = Render::new(scene, &tracer, &inputs, &method, spec());
+            while render.pass(&|_| ()).is_some() {}
+            (render.picture(), tracer.has_cutouts())
+        };
+        let plain = floor_scene();
+        // The same surfaces by way of an opacity map without holes, a white texture and stored normals.
+        let mut dressed = floor_scene();
+        let texels = vec![[255; 4]; 4];
+        let path = "white".into();
+        dressed.textures.push(scene::Texture {
+            path,
+            width: 2,
+            height: 2,
+            texels,
+            has_alpha: true,
+        });
+        dressed.materials[0].opacity_map = Some(scene::TextureId(0));
+        dressed.materials[0].diffuse_map = Some(scene::TextureId(0));
+        dressed.mesh.uvs = vec![
+            glam::Vec2::ZERO,
+            glam::Vec2::X,
+            glam::Vec2::ONE,
+            glam::Vec2::Y,
+        ];
+        dressed.mesh.uv_indices = dressed.mesh.indices.clone();
+        dressed.mesh.normals = vec![Vec3::Y];
+        dressed.mesh.normal_indices = vec![[0; 3]; 2];
+        let ((skipped, plain_cutouts), (forced, dressed_cutouts)) =
+            (picture(&plain), picture(&dressed));
+        assert!(
+            !plain_cutouts && dressed_cutouts,
+            "one pays for cut-outs, the other does not"
+        );
+        assert!(skipped == forced, "pictures differ");
+    }
+
+    #[test]
     fn shards_put_together_are_the_whole() {
         let parts: Vec<_> = (0..3)
             .map(|index| {

@@ -62,6 +62,18 @@ impl Subtended {
         cos >= self.sin
     }
 
+    /// Greatest cosine, not negative, of the angle between a direction of the cone and a vector that sees its axis
+    /// under cosine `cos`; rounded up, so that it is 0 only when all of the cone is a right angle or more away.
+    pub(crate) fn greatest_cos(&self, cos: f32) -> f32 {
+        let half = self.cos();
+        if cos >= half {
+            return 1.0;
+        }
+        let across = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+        // The slack is what rounding takes off, near a cosine of −1 from the sine: √(2 · 10⁻⁷).
+        (cos * half + across * self.sin + 5e-4 * self.sin + 1e-6).clamp(0.0, 1.0)
+    }
+
     /// ∫ (n·ω)(b·ω) dω / (πr²) over the cone, for unit `n` and `b` that see its axis under `cos_n` and `cos_b`
     /// and that both have the whole cone above their horizon.
     pub(crate) fn cosine_integral(&self, n: Vec3, b: Vec3, cos_n: f32, cos_b: f32) -> f32 {

@@ -61,7 +61,7 @@ fn select(c: &mut Criterion) {
         let mut cut = Cut::default();
         group.bench_function(format!("cut 10 of {n}"), |b| {
             b.iter(|| {
-                cut.refine(&tree, receiver(), 10);
+                cut.refine(&tree, NodeWeights::Yuksel2019, receiver(), 10);
                 black_box(cut.len())
             });
         });
@@ -70,7 +70,7 @@ fn select(c: &mut Criterion) {
             group.bench_function(format!("cut 10 and select, {weights:?}, of {n}"), |b| {
                 b.iter(|| {
                     let x = receiver();
-                    cut.refine(&tree, x, 10);
+                    cut.refine(&tree, weights, x, 10);
                     let drawn =
                         selector.select(&tree, weights, DeadBranch::Stop, x, cut.nodes(), || {
                             rng.f64()

@@ -2,6 +2,7 @@
 
 use crate::bounds::Receiver;
 use crate::tree::{LightTree, NodeId};
+use crate::weight::NodeWeights;
 
 /// One cluster of a cut.
 #[derive(Debug, Clone, Copy)]
@@ -24,14 +25,21 @@ const NEAREST_SHARE: f32 = 1e-4;
 impl Cut {
     /// Splits the tree for `receiver`, always the cluster of greatest error bound, into at most `size` ≥ 1 clusters.
     ///
-    /// Only bounds decide, never a sampled value, so estimates over the cut stay unbiased. Clusters that
+    /// Bounds look at where lights point if `weights` do. Only bounds decide, never a sampled value, so estimates over the cut stay unbiased. Clusters that
     /// provably contribute nothing are left out.
     ///
     /// Source: Yuksel 2019, §3.1; bounds of Walter et al. 2005, §3.2.
-    pub fn refine(&mut self, tree: &LightTree, receiver: &Receiver, size: usize) {
+    pub fn refine(
+        &mut self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        size: usize,
+    ) {
+        let cones = weights.bounds_emission();
         assert!(size >= 1, "a cut has at least one cluster");
         self.entries.clear();
-        self.push(tree, receiver, tree.root());
+        self.push(tree, cones, receiver, tree.root());
         while self.entries.len() < size {
             let Some((worst, entry)) = self
                 .entries
@@ -46,8 +54,8 @@ impl Cut {
                 return;
             };
             self.entries.swap_remove(worst);
-            self.push(tree, receiver, first);
-            self.push(tree, receiver, NodeId(first.0 + 1));
+            self.push(tree, cones, receiver, first);
+            self.push(tree, cones, receiver, NodeId(first.0 + 1));
         }
     }
 
@@ -67,8 +75,8 @@ impl Cut {
     }
 
     #[inline]
-    fn push(&mut self, tree: &LightTree, receiver: &Receiver, id: NodeId) {
-        let bound = tree.contribution_bound(receiver, id);
+    fn push(&mut self, tree: &LightTree, cones: bool, receiver: &Receiver, id: NodeId) {
+        let bound = tree.contribution_bound(cones, receiver, id);
         if bound > 0.0 {
             let is_leaf = tree.node(id).light().is_some();
             self.entries.push(Entry {
@@ -82,14 +90,17 @@ impl Cut {
 impl LightTree {
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ with the nearest distance: 0 only when nothing below can light the receiver.
     #[inline]
-    fn contribution_bound(&self, receiver: &Receiver, id: NodeId) -> f32 {
+    fn contribution_bound(&self, cones: bool, receiver: &Receiver, id: NodeId) -> f32 {
         let node = self.node(id);
         let mut bound = 0.0;
         if node.has_positions() {
             let seen = receiver.relative(node);
             let d2 = seen.least2();
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2);
-            let cos = receiver.cos_bound_over(&seen);
+            let mut cos = receiver.cos_bound_over(&seen);
+            if cones {
+                cos *= seen.emission_bound(self.cone(id));
+            }
             if cos > 0.0 {
                 let falloff = d2.max(nearest2);
                 // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
@@ -142,7 +153,8 @@ mod tests {
             };
             let size = u.int_in_range(1..=40usize)?;
             let mut cut = Cut::default();
-            cut.refine(&tree, &receiver(at), size);
+            let weights = *u.choose(&NodeWeights::ALL)?;
+            cut.refine(&tree, weights, &receiver(at), size);
             assert!(cut.len() <= size, "{} clusters of {size}", cut.len());
             let mut seen = vec![0; lights.len()];
             for node in cut.nodes() {
@@ -176,7 +188,7 @@ mod tests {
                 if let Some(first) = tree.node(id).first_child() {
                     stack.extend([first, NodeId(first.0 + 1)]);
                 }
-                let bound = f64::from(tree.contribution_bound(&receiver(at), id));
+                let bound = f64::from(tree.contribution_bound(true, &receiver(at), id));
                 // Nearer than the floor a bound counts the floor, by design.
                 let truth: f64 = lights_below(&tree, id)
                     .into_iter()

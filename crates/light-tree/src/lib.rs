@@ -10,11 +10,14 @@
 mod bounds;
 mod build;
 mod cone;
+mod conty_kulla;
 mod cut;
+mod energy_variance;
 mod error_bound;
 mod lights;
 mod representative;
 mod select;
+mod splitting;
 #[cfg(test)]
 mod test_lights;
 mod tree;
@@ -24,9 +27,11 @@ pub use bounds::{DistanceRange, Receiver};
 pub use build::TreeBuilder;
 pub use cone::Cone;
 pub use cut::Cut;
+pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
 pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};
 pub use representative::Representatives;
 pub use select::{DeadBranch, Selected, Selector};
+pub use splitting::{Splitter, SplittingRule};
 pub use tree::{LightTree, Node, NodeId};
 pub use weight::NodeWeights;

@@ -41,7 +41,7 @@ const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// Chooses by `weights` with `u`; returns the chosen child, its probability and the rescaled number.
 #[inline]
-fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
+pub(crate) fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
     let [w0, w1] = weights.map(f64::from);
     let sum = w0 + w1;
     debug_assert!(sum.is_finite(), "weights {weights:?}");
@@ -134,7 +134,7 @@ enum Step {
 impl LightTree {
     /// Asks for the memory that the next step below `id` reads: by the time its turn comes it has arrived.
     #[inline(always)]
-    fn prefetch_children(&self, id: NodeId) {
+    pub(crate) fn prefetch_children(&self, id: NodeId) {
         #[cfg(target_arch = "x86_64")]
         if let Some(first) = self.node(id).first_child() {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -257,8 +257,6 @@ mod tests {
         BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
     };
 
-    const ALL: [NodeWeights; 2] = [NodeWeights::Yuksel2019, NodeWeights::MinMax];
-
     #[test]
     fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
         arbtest::arbtest(|u| {
@@ -273,7 +271,7 @@ mod tests {
                 .map(|id| contribution(&lights, id, at.0, at.1))
                 .sum();
             let black = BLACK.max(1e-25 * all);
-            for weights in ALL {
+            for weights in NodeWeights::ALL {
                 let (pmfs, dead) = tree.pmf_below(weights, &receiver(at), tree.root());
                 let sum: f64 = pmfs.iter().map(|p| p.1).sum::<f64>() + dead;
                 assert!((sum - 1.0).abs() < 1e-9, "{weights:?}: sum {sum}");
@@ -294,7 +292,7 @@ mod tests {
     fn lights_are_drawn_as_often_as_reported() {
         let lights = lights_on_walls(200);
         let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
-        for weights in ALL {
+        for weights in NodeWeights::ALL {
             for at in [
                 (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
                 (Vec3::new(-1.0, 0.3, 0.3), Vec3::X),

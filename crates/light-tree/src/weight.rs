@@ -14,6 +14,28 @@ pub enum NodeWeights {
     /// Lin and Yuksel 2020: the mean of the probabilities by nearest and by farthest distance; F also bounds
     /// the cosine at the lights.
     MinMax,
+    /// As [`MinMax`](Self::MinMax), where lights point is not looked at.
+    MinMaxWithoutCones,
+    /// Conty Estevez and Kulla 2018: greatest cosines, at the receiver and at the lights, over the bounding sphere
+    /// of a cluster, and the distance of its centre.
+    ContyKulla2018,
+}
+
+impl NodeWeights {
+    /// All of them.
+    pub const ALL: [Self; 4] = [
+        Self::Yuksel2019,
+        Self::MinMax,
+        Self::MinMaxWithoutCones,
+        Self::ContyKulla2018,
+    ];
+}
+
+impl NodeWeights {
+    /// Whether where lights point is looked at, in cuts as well as on the way down.
+    pub(crate) fn bounds_emission(self) -> bool {
+        matches!(self, Self::MinMax | Self::ContyKulla2018)
+    }
 }
 
 /// Weights of a pair of children: finite, ≥ 0, both 0 when neither can light the receiver.
@@ -30,7 +52,9 @@ impl LightTree {
     ) -> PairWeights {
         match weights {
             NodeWeights::Yuksel2019 => self.weigh_yuksel2019(receiver, first),
-            NodeWeights::MinMax => self.weigh_min_max(receiver, first),
+            NodeWeights::MinMax => self.weigh_min_max::<true>(receiver, first),
+            NodeWeights::MinMaxWithoutCones => self.weigh_min_max::<false>(receiver, first),
+            NodeWeights::ContyKulla2018 => self.weigh_conty_kulla(receiver, first),
         }
     }
 
@@ -76,7 +100,7 @@ impl LightTree {
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ of two children, for squared distances `dist2` in one unit with the intensities.
     ///
     /// Where the distance is dropped `dist2` is the same for both: only parallel light notices its value.
-    fn weigh_with_parallel(
+    pub(crate) fn weigh_with_parallel(
         &self,
         receiver: &Receiver,
         first: NodeId,
@@ -92,7 +116,7 @@ impl LightTree {
     }
 
     #[inline]
-    fn weigh_min_max(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
+    fn weigh_min_max<const CONES: bool>(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
         let pair = self.pair(first);
         let mut lit = [0.0f32; 2];
         let mut least2 = [f32::INFINITY; 2];
@@ -101,12 +125,12 @@ impl LightTree {
             if !node.has_positions() {
                 continue;
             }
-            let cos = receiver.cos_bound(node);
-            if cos > 0.0 {
-                let cone = self.cone(NodeId(first.0 + k as u32));
-                lit[k] = cos * receiver.emission_bound(node, cone) * node.intensity;
+            let seen = receiver.relative(node);
+            lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
+            if CONES {
+                lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
             }
-            let range = receiver.distances(node);
+            let range = seen.distances();
             least2[k] = range.least2.max(self.least_dist2);
             greatest2[k] = range.greatest2.max(self.least_dist2);
         }
@@ -243,7 +267,7 @@ mod tests {
             (Vec3::new(3.0, 4.0, -0.2), 7.0),
         ];
         let x = Receiver::new(Vec3::ZERO, Vec3::Y);
-        for weights in [NodeWeights::Yuksel2019, NodeWeights::MinMax] {
+        for weights in NodeWeights::ALL {
             let share = pair_share(&lights, &x, weights);
             for k in [-20, -7, 9, 20] {
                 let s = 2.0f32.powi(k);
@@ -260,7 +284,7 @@ mod tests {
     #[test]
     fn a_light_at_the_receiver_and_one_far_off_leave_finite_weights() {
         let x = Receiver::new(Vec3::ONE, Vec3::Y);
-        for weights in [NodeWeights::Yuksel2019, NodeWeights::MinMax] {
+        for weights in NodeWeights::ALL {
             for lights in [
                 [(Vec3::ONE, 1.0), (Vec3::ONE * 2.0, 1.0)],
                 [(Vec3::ONE, 1.0), (Vec3::ONE, 1e30)],

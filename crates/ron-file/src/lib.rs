@@ -91,15 +91,22 @@ pub fn read<T: DeserializeOwned>(
 ///
 /// # Errors
 ///
-/// When the bytes are not UTF-8; `name` is the file's name for the message.
+/// When the bytes are not UTF-8, or zeros are among them, as only binary files have them; `name` is the
+/// file's name for the message.
 pub fn text<'a>(name: &str, bytes: &'a [u8]) -> Result<&'a str, RonError> {
-    std::str::from_utf8(bytes).map_err(|error| {
-        let valid = &bytes[..error.valid_up_to()];
-        let valid = std::str::from_utf8(valid).unwrap_or_default();
-        let bad = bytes.get(valid.len()).copied().unwrap_or_default();
-        let message = format!("byte 0x{bad:02X} is not UTF-8; expected a text file in UTF-8");
-        file_error(name, valid, valid.len(), message)
-    })
+    let zero = bytes.iter().position(|&byte| byte == 0);
+    let bad = match std::str::from_utf8(bytes) {
+        Ok(text) if zero.is_none() => return Ok(text),
+        Ok(_) => bytes.len(),
+        Err(error) => error.valid_up_to(),
+    };
+    let at = zero.map_or(bad, |zero| zero.min(bad));
+    let valid = std::str::from_utf8(&bytes[..at]).unwrap_or_default();
+    let message = match bytes.get(at) {
+        Some(0) | None => "byte 0x00 is no text; expected a text file in UTF-8".to_owned(),
+        Some(byte) => format!("byte 0x{byte:02X} is not UTF-8; expected a text file in UTF-8"),
+    };
+    Err(file_error(name, valid, valid.len(), message))
 }
 
 /// Reads `text` into a `T`, after putting in the `overrides`. `name` is the file's name for messages.
@@ -126,7 +133,7 @@ pub fn parse<T: DeserializeOwned>(
             name,
             text,
             0,
-            "the file holds no value".to_owned(),
+            "the file holds no value; expected one, such as ( … )".to_owned(),
         ));
     }
     let mut edited = Edited::new(text);

@@ -115,19 +115,32 @@ fn plan(
             );
             return Err(message);
         };
-        if i + 1 < steps.len() {
+        let Some(value) = within(&steps[i + 1..], value) else {
             let whole = path::show(&steps[..=i]);
             return Err(format!(
                 "{here} has no field `{name}` to set `{}` in; set `{whole}` as a whole",
                 path::show(&steps[i + 1..])
             ));
-        }
-        return add_field(&tree, at, name, value, variants_with_fields).ok_or_else(|| {
+        };
+        return add_field(&tree, at, name, &value, variants_with_fields).ok_or_else(|| {
             let found = explain::shortened(tree.value(at));
             format!("{here} is {found}, which has no field `{name}`")
         });
     }
     Ok((tree.node(at).span.clone(), value.to_owned()))
+}
+
+/// The value in structs that are not there yet: `(b: (c: value))` for the path `b.c`; `None` where the path
+/// goes through a list.
+fn within(steps: &[Step], value: &str) -> Option<String> {
+    let mut text = value.to_owned();
+    for step in steps.iter().rev() {
+        let Step::Field(name) = step else {
+            return None;
+        };
+        text = format!("({name}: {text})");
+    }
+    Some(text)
 }
 
 /// Adds `name: value` to the struct or variant `at`; `None` where it has no named fields.
@@ -187,6 +200,8 @@ mod tests {
                 "i: Path(max_bounces: 6)",
             ),
             (&["seed=4"], "(seed: 4, image:"),
+            (&["a.b=1", "a.c=2"], "(a: (c: 2, b: 1), image:"),
+            (&["image.x.y.z=1"], "image: (x: (y: (z: 1)), width: 9"),
         ] {
             let text = set(FILE, sets).expect("overrides apply");
             assert!(text.contains(expected), "{sets:?} gave {text}");
@@ -197,10 +212,13 @@ mod tests {
     fn what_cannot_be_set_is_refused() {
         for (sets, expected) in [
             (
-                "a.b=1",
-                "the file has no field `a` to set `b` in; set `a` as a whole",
+                "a[0]=1",
+                "the file has no field `a` to set `[0]` in; set `a` as a whole",
             ),
-            ("image.x.y=1", "`image` has no field `x` to set `y` in"),
+            (
+                "image.x.y[1]=1",
+                "`image` has no field `x` to set `y[1]` in",
+            ),
             ("image.spp.x=1", "`image.spp` is 4, which has no field `x`"),
             ("i.x=1", "`i` is Direct, which has no field `x`"),
             ("p.x=1", "`p` is (1, 2), which has no field `x`"),

@@ -424,7 +424,7 @@ fn files_that_are_no_text_are_refused() {
         error.to_string()
     };
     assert!(
-        error(b"").contains("a.ron:1:1: the file holds no value"),
+        error(b"").contains("a.ron:1:1: the file holds no value; expected"),
         "empty"
     );
     assert!(
@@ -434,6 +434,10 @@ fn files_that_are_no_text_are_refused() {
     assert!(
         error(b"(\n \xFF").contains("a.ron:2:2: byte 0xFF is not UTF-8"),
         "bytes"
+    );
+    assert!(
+        error(b"(\n\0 \xFF").contains("a.ron:2:1: byte 0x00 is no text"),
+        "zeros"
     );
     let missing = read::<Config>(&dir.path().join("b.ron"), &[], VARIANTS);
     let missing = missing.expect_err("no file").to_string();

@@ -3,10 +3,12 @@
 //! Every random decision draws from a [`Rng`] that is a pure function of (seed, index, sample, purpose),
 //! so that a picture is the same for any number of threads and any order of work.
 
+mod alias;
 mod discrete;
 mod rng;
 mod warp;
 
+pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use rng::{Purpose, Rng};
 pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};

@@ -1,10 +1,14 @@
 //! The methods, one a file, and the list of them.
 
 mod all_lights;
+mod importance;
 mod lightcuts;
 mod multidimensional;
+mod power;
 mod refinement;
+mod sample_count;
 mod stochastic_lightcuts;
+mod uniform;
 
 use sampling::Rng;
 use serde::de::DeserializeOwned;
@@ -14,10 +18,14 @@ use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
 pub use all_lights::AllLights;
+pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use multidimensional::{Multidimensional, MultidimensionalSpec};
+pub use power::{Power, PowerSpec};
 pub use refinement::ErrorShare;
+pub use sample_count::SampleCount;
 pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
+pub use uniform::{Uniform, UniformSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
 pub trait Method<'a>: Sized + Sync {
@@ -99,7 +107,7 @@ macro_rules! methods {
 
             /// [`Method::WHOLE_PIXEL`] of the method.
             pub(crate) fn whole_pixel(&self) -> bool {
-                match self { $(Self::$variant(_) => <$type<'_> as Method<'_>>::WHOLE_PIXEL),+ }
+                match self { $(Self::$variant(_) => <$type as Method<'_>>::WHOLE_PIXEL),+ }
             }
 
             pub(crate) fn visit<V: Visitor>(&self, inputs: &Inputs, visitor: V) -> V::Output {
@@ -111,6 +119,9 @@ macro_rules! methods {
 
 methods! {
     AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
+    Uniform(Uniform, UniformSpec, "uniform"),
+    Power(Power, PowerSpec, "power"),
+    Importance(Importance, ImportanceSpec, "importance"),
     Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
     Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),

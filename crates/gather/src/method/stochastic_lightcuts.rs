@@ -124,11 +124,12 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         (cut, selector): &mut (Cut, Selector),
     ) {
         let Some(tree) = self.tree else { return };
-        cut.refine(tree, &x.receiver, self.spec.cut.get());
+        let weights = self.spec.node_weights();
+        cut.refine(tree, weights, &x.receiver, self.spec.cut.get());
         eval.mark(Phase::Cut);
         let drawn = selector.select(
             tree,
-            self.spec.node_weights(),
+            weights,
             self.spec.dead_branch(),
             &x.receiver,
             cut.nodes(),

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use crate::{LoadNotes, Material, Mesh, Scene, SceneError};
 use scene_file::SceneFile;
 use source::Source;
-pub use source::expand;
+pub use source::{SCENE_FOLDER, expand};
 
 /// What geometry files add to.
 #[derive(Debug, Default)]

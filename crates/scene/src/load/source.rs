@@ -87,6 +87,12 @@ pub(super) fn join(from: &str, name: &str) -> Result<String, String> {
     }
 }
 
+/// What an environment variable at the start of a scene's path should name, and where such scenes can be had.
+pub const SCENE_FOLDER: &str = "the folder that holds the scene folders sibenik/, sponza/, conference/ and so on, \
+    each with its scene.ron (scenes to fetch: Morgan McGuire's Computer Graphics Archive, \
+    https://casual-effects.com/data, and Benedikt Bitterli's rendering resources, \
+    https://benedikt-bitterli.me/resources/)";
+
 /// Puts in the environment variable that `path` may begin with: `$MANYLIGHT_SCENES/sibenik/scene.ron`.
 ///
 /// # Errors
@@ -108,12 +114,7 @@ pub fn expand(path: &str) -> Result<PathBuf, SceneError> {
         Some(folder) if !folder.is_empty() => Ok(Path::new(&folder).join(rest)),
         _ => Err(SceneError::file(
             path,
-            format!(
-                "the environment variable {variable} is not set; set it to the folder that holds the scene \
-                 folders sibenik/, sponza/, conference/ and so on, each with its scene.ron (scenes to fetch: \
-                 Morgan McGuire's Computer Graphics Archive, https://casual-effects.com/data, and Benedikt \
-                 Bitterli's rendering resources, https://benedikt-bitterli.me/resources/)"
-            ),
+            format!("the environment variable {variable} is not set; set it to {SCENE_FOLDER}"),
         )),
     }
 }

@@ -1,0 +1,36 @@
+//! How many lights a point draws.
+
+use serde::Deserialize;
+
+/// Number of light samples at a point, 1..=65536.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "u64")]
+pub struct SampleCount(u32);
+
+impl SampleCount {
+    /// One sample.
+    pub const ONE: Self = Self(1);
+
+    /// As a number.
+    pub fn get(self) -> u32 {
+        self.0
+    }
+}
+
+impl Default for SampleCount {
+    /// 10, the size of a cut in the published comparisons.
+    fn default() -> Self {
+        Self(10)
+    }
+}
+
+impl TryFrom<u64> for SampleCount {
+    type Error = String;
+
+    fn try_from(value: u64) -> Result<Self, String> {
+        match u32::try_from(value) {
+            Ok(count @ 1..=65536) => Ok(Self(count)),
+            _ => Err(format!("found {value}; expected 1..=65536")),
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Any light with the same probability: what every other choice is measured against.
+
+use light_tree::LightId;
+use sampling::Rng;
+use serde::Deserialize;
+
+use super::{Method, SampleCount};
+use crate::Inputs;
+use crate::point::GatherPoint;
+use crate::render::Phase;
+use crate::shadow_queue::LightEval;
+
+/// Draws `samples` lights, each of n with probability 1/n, independently. Unbiased; no tree is built.
+#[derive(Debug)]
+pub struct Uniform {
+    samples: SampleCount,
+    lights: usize,
+}
+
+/// Settings of [`Uniform`].
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UniformSpec {
+    /// Light samples a point, in 1..=65536.
+    pub samples: SampleCount,
+}
+
+impl<'a> Method<'a> for Uniform {
+    type Spec = UniformSpec;
+    type Scratch = ();
+
+    fn prepare(spec: &UniformSpec, inputs: &'a Inputs) -> Self {
+        Self {
+            samples: spec.samples,
+            lights: inputs.lights.len(),
+        }
+    }
+
+    fn is_unbiased(&self) -> bool {
+        true
+    }
+
+    fn point<E: LightEval>(&self, x: &GatherPoint, eval: &mut E, rng: &mut Rng, (): &mut ()) {
+        if self.lights == 0 {
+            return;
+        }
+        let n = self.lights as f64;
+        let scale = n / f64::from(self.samples.get());
+        for _ in 0..self.samples.get() {
+            // u < 1, but u n may round up to n.
+            let i = ((rng.f64() * n) as usize).min(self.lights - 1);
+            eval.mark(Phase::Select);
+            eval.add(x, LightId(i as u32), scale);
+            eval.mark(Phase::Evaluate);
+        }
+    }
+}
