@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
             "note       no lights: the picture will be black"
         ));
     }
-    let uses_tree = !matches!(job.method, gather::MethodSpec::AllLights(_)) && !lights.is_empty();
+    let uses_tree = job.method.uses_tree() && !lights.is_empty();
     let mut plan = Plan::of(&scene, &lights, uses_tree);
     if matches!(job.lights, LightsSpec::Virtual(_)) && !lights.is_empty() {
         plan.need("virtual lights");

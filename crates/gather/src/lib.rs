@@ -25,7 +25,7 @@ pub use shadow_queue::{LightEval, ShadowQueue};
 
 use std::sync::OnceLock;
 
-use light_tree::{LightKind, LightSet, LightTree, Representatives, TreeBuilder};
+use light_tree::{EnergyVariance, LightKind, LightSet, LightTree, Representatives, TreeBuilder};
 
 /// A tree for methods that let one light stand for others of its kind.
 #[derive(Debug)]
@@ -43,6 +43,7 @@ pub struct Inputs {
     builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
     clusters: OnceLock<Option<Clusters>>,
+    energy_variance: OnceLock<Option<EnergyVariance>>,
 }
 
 impl Inputs {
@@ -53,6 +54,7 @@ impl Inputs {
             builder,
             tree: OnceLock::new(),
             clusters: OnceLock::new(),
+            energy_variance: OnceLock::new(),
         }
     }
 
@@ -60,6 +62,13 @@ impl Inputs {
     pub fn tree(&self) -> Option<&LightTree> {
         self.tree
             .get_or_init(|| LightTree::build(&self.lights, self.builder))
+            .as_ref()
+    }
+
+    /// How much the lights below each node of [`tree`](Self::tree) differ; `None` when there is no light.
+    pub fn energy_variance(&self) -> Option<&EnergyVariance> {
+        self.energy_variance
+            .get_or_init(|| self.tree().map(EnergyVariance::of))
             .as_ref()
     }
 

@@ -1,5 +1,6 @@
 //! The methods, one a file, and the list of them.
 
+mod adaptive_splitting;
 mod all_lights;
 mod importance;
 mod lightcuts;
@@ -17,6 +18,7 @@ use crate::Inputs;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
+pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec, Threshold};
 pub use all_lights::AllLights;
 pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
@@ -124,7 +126,16 @@ methods! {
     Importance(Importance, ImportanceSpec, "importance"),
     Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
     Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional"),
+    AdaptiveSplitting(AdaptiveSplitting, AdaptiveSplittingSpec, "adaptive-splitting"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
+}
+
+impl MethodSpec {
+    /// Whether it asks for a light tree.
+    pub fn uses_tree(&self) -> bool {
+        use MethodSpec::{AllLights, Importance, Power, Uniform};
+        !matches!(self, AllLights(_) | Uniform(_) | Power(_) | Importance(_))
+    }
 }
 
 impl Default for MethodSpec {

@@ -8,8 +8,11 @@ use serde::Deserialize;
 pub struct SampleCount(u32);
 
 impl SampleCount {
-    /// One sample.
-    pub const ONE: Self = Self(1);
+    /// `count` samples, for a default.
+    pub(super) const fn of(count: u32) -> Self {
+        assert!(count >= 1 && count <= 65536, "1..=65536");
+        Self(count)
+    }
 
     /// As a number.
     pub fn get(self) -> u32 {

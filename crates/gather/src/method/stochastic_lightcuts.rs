@@ -73,6 +73,21 @@ pub enum Weights {
     Yuksel2019,
     /// As in the real-time paper of 2020.
     MinMax,
+    /// As in the real-time paper of 2020, where lights point is not looked at.
+    MinMaxWithoutCones,
+    /// As published with adaptive tree splitting in 2018.
+    ContyKulla2018,
+}
+
+impl Weights {
+    pub(super) fn node_weights(self) -> NodeWeights {
+        match self {
+            Self::Yuksel2019 => NodeWeights::Yuksel2019,
+            Self::MinMax => NodeWeights::MinMax,
+            Self::MinMaxWithoutCones => NodeWeights::MinMaxWithoutCones,
+            Self::ContyKulla2018 => NodeWeights::ContyKulla2018,
+        }
+    }
 }
 
 /// [`DeadBranch`] in a run file.
@@ -86,13 +101,6 @@ pub enum DeadBranches {
 }
 
 impl StochasticLightcutsSpec {
-    fn node_weights(&self) -> NodeWeights {
-        match self.weights {
-            Weights::Yuksel2019 => NodeWeights::Yuksel2019,
-            Weights::MinMax => NodeWeights::MinMax,
-        }
-    }
-
     fn dead_branch(&self) -> DeadBranch {
         match self.dead_branches {
             DeadBranches::Stop => DeadBranch::Stop,
@@ -124,7 +132,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         (cut, selector): &mut (Cut, Selector),
     ) {
         let Some(tree) = self.tree else { return };
-        let weights = self.spec.node_weights();
+        let weights = self.spec.weights.node_weights();
         cut.refine(tree, weights, &x.receiver, self.spec.cut.get());
         eval.mark(Phase::Cut);
         let drawn = selector.select(
