@@ -9,6 +9,8 @@ mod cutout;
 mod occlusion;
 mod triangle;
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 use crate::Scene;
@@ -127,12 +129,42 @@ impl Tracer {
         best
     }
 
-    /// Whether anything lies on the ray.
+    /// Whether anything lies on the ray. [`occluded`](Self::occluded) answers many rays sooner.
     pub fn is_occluded(&self, ray: &Ray) -> bool {
-        let mut scratch = OcclusionScratch::default();
-        let mut answer = [false];
-        self.occluded(std::slice::from_ref(ray), &mut answer, &mut scratch);
-        answer[0]
+        if self.bvh.nodes.is_empty() {
+            return false;
+        }
+        let query = NodeBox::of(ray.origin, ray.direction);
+        let watertight = WatertightRay::new(ray.origin, ray.direction);
+        let mut stack = [0u32; bvh8::STACK];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            if let Some(range) = bvh8::leaf_range(stack[top]) {
+                if self.leaf_stops(range, &watertight, ray.t_max) {
+                    return true;
+                }
+                continue;
+            }
+            let node = &self.bvh.nodes[stack[top] as usize];
+            let near = node.intersect(&query, ray.t_max);
+            for (link, near) in node.links.iter().zip(near) {
+                // Written whether met or not: no branch to mispredict.
+                stack[top] = *link;
+                top += usize::from(near != f32::INFINITY);
+            }
+        }
+        false
+    }
+
+    /// Whether any triangle of a leaf stops the ray.
+    #[inline(always)]
+    fn leaf_stops(&self, range: Range<usize>, ray: &WatertightRay, t_max: f32) -> bool {
+        self.bvh.triangles[range].iter().any(|triangle| {
+            triangle.intersect(ray, t_max).is_some_and(|hit| {
+                !triangle.is_cutout() || self.cutouts.is_solid(triangle.id(), hit.u, hit.v)
+            })
+        })
     }
 
     /// Number of triangles that rays can hit.

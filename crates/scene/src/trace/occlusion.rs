@@ -77,13 +77,7 @@ impl Tracer {
         lane.top -= 1;
         let link = lane.stack[lane.top];
         if let Some(range) = bvh8::leaf_range(link) {
-            return self.bvh.triangles[range].iter().any(|triangle| {
-                triangle
-                    .intersect(&lane.watertight, lane.t_max)
-                    .is_some_and(|hit| {
-                        !triangle.is_cutout() || self.cutouts.is_solid(triangle.id(), hit.u, hit.v)
-                    })
-            });
+            return self.leaf_stops(range, &lane.watertight, lane.t_max);
         }
         let node = &self.bvh.nodes[link as usize];
         let near = node.intersect(&lane.query, lane.t_max);

@@ -134,6 +134,11 @@ fn no_hit_of_brute_force_is_missed() {
             .map(|(t, _)| t)
             .fold(f64::INFINITY, f64::min);
         let hit = tracer.closest(ray);
+        let alone = tracer.is_occluded(ray);
+        assert_eq!(
+            alone, *occluded,
+            "one by one and in a batch disagree on {ray:?}"
+        );
         assert_eq!(
             hit.is_some(),
             *occluded,
