@@ -6,6 +6,7 @@
 //! point, visibility included, is the same code for every method.
 
 mod contribution;
+mod counters;
 mod error_bound;
 mod gather_tree;
 pub mod method;
@@ -17,10 +18,11 @@ mod vsl;
 mod weight;
 
 pub use contribution::VirtualShape;
+pub use counters::{Counters, Phase, Seconds};
 pub use method::{Method, MethodSpec};
 pub use plan::Plan;
 pub use point::GatherPoint;
-pub use render::{Counters, Pass, Phase, Render, RenderSpec, Seconds, Shard};
+pub use render::{Pass, Render, RenderSpec, Shard};
 pub use shadow_queue::{LightEval, ShadowQueue};
 
 use std::sync::OnceLock;

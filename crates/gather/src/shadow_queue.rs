@@ -1,6 +1,6 @@
 //! The one door between methods and light: evaluation, now or in batches.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use light_tree::{LightId, LightSet};
@@ -8,8 +8,8 @@ use sampling::Rng;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
 use crate::contribution::{VirtualShape, unoccluded, unoccluded_of};
+use crate::counters::{Counters, Phase};
 use crate::point::GatherPoint;
-use crate::render::{Counters, Phase};
 
 /// What a method may ask of the renderer.
 ///
@@ -241,11 +241,5 @@ impl LightEval for ShadowQueue<'_> {
 
     fn count_dead(&mut self) {
         self.counters.dead_samples += 1;
-    }
-}
-
-impl Counters {
-    fn time(&mut self, phase: Phase, spent: Duration) {
-        self.nanoseconds[phase as usize] += spent.as_nanos() as u64;
     }
 }

@@ -1,18 +1,13 @@
-//! Building the tree: four ways to divide lights, one way to lay them out.
-//!
-//! The default is a top-down binned build over position and emission axis. A split is sought along the three axes of space and, where lights have directions, the three of
-//! the direction, by the cluster metric of Walter et al. 2005 (§3.1, eq. for cluster size):
-//! ‖I‖ (α² + c² (1 − cos β)²), α the box diagonal, β the half angle of the directions, c the diagonal
-//! of the whole. Splitting by direction matters for virtual lights: both sides of a wall, and the
-//! walls of a corner, are close in space and light different places.
+//! Building the tree: five ways to divide lights, one way to lay them out.
 
 mod agglomerative;
+mod binned;
 mod morton;
 mod saoh;
 
 use std::cmp::Ordering;
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::cone::Cone;
@@ -108,7 +103,7 @@ impl Context {
             return halve(items);
         }
         match self.builder {
-            TreeBuilder::Binned => split(self, items),
+            TreeBuilder::Binned => binned::split(self, items),
             TreeBuilder::Saoh => saoh::split(self, items),
             TreeBuilder::Morton => self.curve.split(items),
             TreeBuilder::PerfectMorton => morton::perfect_half(items.len()),
@@ -353,163 +348,8 @@ fn position_bounds(items: &[Item]) -> (Vec3, Vec3) {
         })
 }
 
-/// Most bins an axis is divided into.
-const BINS: usize = 16;
 /// Clusters larger than this are judged by about so many of their lights.
 const JUDGED: usize = 1 << 14;
-/// Lights that fall into one slice along one axis.
-#[derive(Clone, Copy)]
-struct Bin {
-    lo: Vec3A,
-    hi: Vec3A,
-    axis_lo: Vec3A,
-    axis_hi: Vec3A,
-    intensity: f64,
-    count: u32,
-}
-
-impl Bin {
-    const EMPTY: Self = Self {
-        lo: Vec3A::INFINITY,
-        hi: Vec3A::NEG_INFINITY,
-        axis_lo: Vec3A::INFINITY,
-        axis_hi: Vec3A::NEG_INFINITY,
-        intensity: 0.0,
-        count: 0,
-    };
-
-    #[inline]
-    fn add(&mut self, position: Vec3A, axis: Vec3A, intensity: f32) {
-        self.lo = self.lo.min(position);
-        self.hi = self.hi.max(position);
-        self.axis_lo = self.axis_lo.min(axis);
-        self.axis_hi = self.axis_hi.max(axis);
-        self.intensity += f64::from(intensity);
-        self.count += 1;
-    }
-
-    #[inline]
-    fn merge(&mut self, other: &Self) {
-        self.lo = self.lo.min(other.lo);
-        self.hi = self.hi.max(other.hi);
-        self.axis_lo = self.axis_lo.min(other.axis_lo);
-        self.axis_hi = self.axis_hi.max(other.axis_hi);
-        self.intensity += other.intensity;
-        self.count += other.count;
-    }
-
-    /// ‖I‖ (α² + c² (1 − cos β)²) with the cone taken from the box around the axes: its half diagonal is
-    /// the chord 2 sin(β/2), so 1 − cos β = diagonal²/8.
-    fn cost(&self, context: &Context) -> f64 {
-        let alpha2 = (self.hi - self.lo).length_squared();
-        let spread = if context.oriented {
-            (self.axis_hi - self.axis_lo).length_squared() / 8.0
-        } else {
-            0.0
-        };
-        self.intensity * f64::from(alpha2 + context.diagonal2 * spread * spread)
-    }
-}
-
-/// Six numbers that a cluster may be split along.
-#[derive(Clone, Copy)]
-struct Grid {
-    lo: [f32; 6],
-    scale: [f32; 6],
-    bins: usize,
-    dims: usize,
-}
-
-impl Grid {
-    fn over(context: &Context, items: &[Item], stride: usize) -> Self {
-        let dims = if context.oriented { 6 } else { 3 };
-        let mut lo = (Vec3::INFINITY, Vec3::INFINITY);
-        let mut hi = (Vec3::NEG_INFINITY, Vec3::NEG_INFINITY);
-        for i in items.iter().step_by(stride) {
-            lo = (lo.0.min(i.position), lo.1.min(i.axis));
-            hi = (hi.0.max(i.position), hi.1.max(i.axis));
-        }
-        let (lo, hi) = (six(lo.0, lo.1), six(hi.0, hi.1));
-        let bins = BINS.min(items.len()).max(2);
-        // An axis without extent puts everything into bin 0; its scale must not be 0/0.
-        let scale = std::array::from_fn(|d| {
-            let scale = bins as f32 / (hi[d] - lo[d]);
-            if scale.is_finite() { scale } else { 0.0 }
-        });
-        Self {
-            lo,
-            scale,
-            bins,
-            dims,
-        }
-    }
-
-    #[inline]
-    fn bin(&self, d: usize, x: f32) -> usize {
-        // The cast saturates: values outside the judged lights' range go to the end bins.
-        (((x - self.lo[d]) * self.scale[d]) as usize).min(self.bins - 1)
-    }
-}
-
-fn six(a: Vec3, b: Vec3) -> [f32; 6] {
-    [a.x, a.y, a.z, b.x, b.y, b.z]
-}
-
-/// Reorders `items` into two clusters of least cost and returns the size of the first.
-fn split(context: &Context, items: &mut [Item]) -> usize {
-    let n = items.len();
-    if n == 2 {
-        return 1;
-    }
-    let stride = n.div_ceil(JUDGED).max(1);
-    let grid = Grid::over(context, items, stride);
-    let mut bins = [[Bin::EMPTY; BINS]; 6];
-    for item in items.iter().step_by(stride) {
-        let coordinates = six(item.position, item.axis);
-        let (position, axis) = (Vec3A::from(item.position), Vec3A::from(item.axis));
-        for (d, bins) in bins.iter_mut().enumerate().take(grid.dims) {
-            bins[grid.bin(d, coordinates[d])].add(position, axis, item.intensity);
-        }
-    }
-    let mut best: Option<(f64, usize, usize)> = None;
-    for (d, bins) in bins.iter().enumerate().take(grid.dims) {
-        if grid.scale[d] == 0.0 {
-            continue;
-        }
-        let mut right_cost = [0.0; BINS];
-        let mut right = Bin::EMPTY;
-        for b in (1..grid.bins).rev() {
-            right.merge(&bins[b]);
-            right_cost[b] = if right.count > 0 {
-                right.cost(context)
-            } else {
-                f64::INFINITY
-            };
-        }
-        let mut left = Bin::EMPTY;
-        for b in 1..grid.bins {
-            left.merge(&bins[b - 1]);
-            if left.count == 0 || right_cost[b] == f64::INFINITY {
-                continue;
-            }
-            let cost = left.cost(context) + right_cost[b];
-            if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, d, b));
-            }
-        }
-    }
-    let Some((_, d, first_right)) = best else {
-        return halve(items);
-    };
-    let left = partition(items, |i| {
-        grid.bin(d, six(i.position, i.axis)[d]) < first_right
-    });
-    if left == 0 || left == n {
-        halve(items)
-    } else {
-        left
-    }
-}
 
 /// Moves the items that are `left` to the front and returns their number.
 fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
@@ -542,112 +382,4 @@ fn halve(items: &mut [Item]) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::test_lights::any_lights;
-
-    #[test]
-    fn every_tree_is_valid() {
-        arbtest::arbtest(|u| {
-            let set = any_lights(u)?;
-            for builder in TreeBuilder::ALL {
-                match LightTree::build(&set, builder) {
-                    None => assert!(set.is_empty(), "a tree for {} lights", set.len()),
-                    Some(tree) => tree
-                        .validate(&set)
-                        .unwrap_or_else(|e| panic!("{builder:?}: {e}")),
-                }
-            }
-            Ok(())
-        });
-    }
-
-    #[test]
-    fn coincident_lights_make_a_shallow_tree() {
-        let mut set = LightSet::default();
-        for _ in 0..20_000 {
-            set.push_point(Vec3::ONE, Vec3::ONE);
-        }
-        for builder in TreeBuilder::ALL {
-            let tree = LightTree::build(&set, builder).expect("has lights");
-            tree.validate(&set)
-                .unwrap_or_else(|e| panic!("{builder:?}: {e}"));
-            assert!(tree.depth() <= 16, "{builder:?}: depth {}", tree.depth());
-        }
-    }
-
-    #[test]
-    fn a_geometric_chain_of_lights_keeps_its_depth_bounded() {
-        let mut set = LightSet::default();
-        for i in 0..120 {
-            set.push_point(Vec3::X * 0.5f32.powi(i), Vec3::ONE);
-        }
-        for builder in TreeBuilder::ALL {
-            let tree = LightTree::build(&set, builder).expect("has lights");
-            tree.validate(&set)
-                .unwrap_or_else(|e| panic!("{builder:?}: {e}"));
-            assert!(tree.depth() <= 3 * 7, "{builder:?}: depth {}", tree.depth());
-        }
-    }
-
-    #[test]
-    fn the_tree_is_the_same_for_one_thread_and_four() {
-        let mut set = LightSet::default();
-        let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
-        for _ in 0..30_000 {
-            set.push_point(
-                Vec3::new(rng.f32(), rng.f32(), rng.f32()),
-                Vec3::splat(rng.f32()),
-            );
-        }
-        let build_with = |builder, threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .expect("thread pool");
-            let tree = pool
-                .install(|| LightTree::build(&set, builder))
-                .expect("has lights");
-            format!("{:?}", tree.pairs)
-        };
-        for builder in TreeBuilder::ALL {
-            assert!(
-                build_with(builder, 1) == build_with(builder, 4),
-                "{builder:?}: trees differ"
-            );
-        }
-    }
-
-    /// Sum over all inner nodes of intensity times squared diagonal: what a good tree keeps small.
-    fn looseness(set: &LightSet, builder: TreeBuilder) -> f64 {
-        let tree = LightTree::build(set, builder).expect("has lights");
-        let nodes = tree.pairs.iter().flat_map(|p| p.0);
-        nodes
-            .filter(|n| n.has_positions())
-            .map(|n| f64::from(n.intensity * (n.hi - n.lo).length_squared()))
-            .sum()
-    }
-
-    #[test]
-    fn lights_on_a_line_are_clustered_whatever_their_order() {
-        let mut shuffled: Vec<u32> = (0..1000).collect();
-        shuffled.sort_by_key(|i| i.wrapping_mul(2_654_435_761));
-        let line = |order: &mut dyn Iterator<Item = u32>| {
-            let mut set = LightSet::default();
-            for i in order {
-                set.push_point(Vec3::new(i as f32, 2.0, 3.0), Vec3::ONE);
-            }
-            set
-        };
-        let (straight, shuffled) = (line(&mut (0..1000)), line(&mut shuffled.into_iter()));
-        for builder in TreeBuilder::ALL {
-            let (a, b) = (looseness(&straight, builder), looseness(&shuffled, builder));
-            assert!(
-                (a / b - 1.0).abs() < 0.01,
-                "{builder:?}: {a} in order, {b} shuffled"
-            );
-            // Halving a line of n: n · n² · (1 + 1/4 + …) = 4/3 n³.
-            assert!(a < 2.0e9, "{builder:?}: {a} for a line of 1000");
-        }
-    }
-}
+mod tests;

@@ -9,8 +9,8 @@ use serde::Deserialize;
 use super::stochastic_lightcuts::Weights;
 use super::{Method, SampleCount};
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Descends the light tree from its root, into both children where the lights below differ much for the point and

@@ -12,7 +12,7 @@ use verify::{Running, critical_z, sidak, z_test};
 use super::stochastic_lightcuts::Weights;
 use super::*;
 use crate::contribution::VirtualShape;
-use crate::render::Counters;
+use crate::counters::Counters;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
 
 /// Probability that a sound method fails [`unbiased_methods_agree_with_all_lights`] for a random seed.

@@ -9,8 +9,8 @@ use scene::{Emitter, Scene};
 use super::{AllLights, Method};
 use crate::Inputs;
 use crate::contribution::VirtualShape;
+use crate::counters::Counters;
 use crate::point::GatherPoint;
-use crate::render::Counters;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
 
 /// What a method finds at `x`, with points on virtual lights drawn from stream `sample`.

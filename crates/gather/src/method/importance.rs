@@ -9,8 +9,8 @@ use serde::Deserialize;
 
 use super::{Method, SampleCount};
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 use crate::weight::{rough_weight, unoccluded_weight};
 

@@ -13,9 +13,9 @@ use super::Method;
 use super::refinement::{Cluster, ErrorShare, Refinement};
 use super::stochastic_lightcuts::CutSize;
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::error_bound::{Clusters, Reflection};
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Estimates each cluster of a cut by the light that stands for it, and splits the cluster of greatest error

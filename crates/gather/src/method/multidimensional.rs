@@ -11,10 +11,10 @@ use super::Method;
 use super::refinement::{Cluster, ErrorShare, Refinement};
 use super::stochastic_lightcuts::CutSize;
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::error_bound::Clusters;
 use crate::gather_tree::{GatherId, GatherTree};
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Estimates each cluster of pairs, gather points × lights, by one of its pairs, and splits the cluster of greatest
@@ -325,11 +325,11 @@ fn per_normal(tree: &LightTree, xs: &[GatherPoint]) -> f32 {
 mod tests {
     use super::*;
     use crate::contribution::VirtualShape;
+    use crate::counters::Counters;
     use crate::method::Lightcuts;
     use crate::method::conformance::{light_sets, room};
     use crate::method::fixtures::{all_lights, at, many_lights, many_points};
     use crate::method::refinement::mean;
-    use crate::render::Counters;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
     use light_tree::TreeBuilder;
     use sampling::Purpose;

@@ -11,8 +11,8 @@ use serde::Deserialize;
 
 use super::{Method, SampleCount};
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Draws `samples` lights, independently, with probabilities in proportion to [`powers`]. Unbiased; no tree is

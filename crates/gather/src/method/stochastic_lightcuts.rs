@@ -9,8 +9,8 @@ use serde::Deserialize;
 
 use super::Method;
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Splits the light tree into up to `cut` clusters by error bound and draws one light from each.

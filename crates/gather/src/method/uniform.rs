@@ -6,8 +6,8 @@ use serde::Deserialize;
 
 use super::{Method, SampleCount};
 use crate::Inputs;
+use crate::counters::Phase;
 use crate::point::GatherPoint;
-use crate::render::Phase;
 use crate::shadow_queue::LightEval;
 
 /// Draws `samples` lights, each of n with probability 1/n, independently. Unbiased; no tree is built.

@@ -9,7 +9,8 @@ use std::io::{Error, ErrorKind, Read, Result, Write};
 use film::PixelStats;
 use glam::DVec3;
 
-use super::{Counters, Features, PHASES, Render, Tile};
+use super::{Features, Render, Tile};
+use crate::counters::{Counters, PHASES};
 
 /// Counters of [`Counters`].
 const COUNTERS: usize = 6 + PHASES;

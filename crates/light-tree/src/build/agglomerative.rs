@@ -9,7 +9,8 @@
 
 use rayon::prelude::*;
 
-use super::{Bin, Context, Item};
+use super::binned::Bin;
+use super::{Context, Item};
 
 /// Neighbours looked at to each side.
 const RADIUS: usize = 16;

@@ -1,0 +1,241 @@
+//! Determinism, shards, skipped work, and a light over a plane.
+
+use light_tree::TreeBuilder;
+
+use super::*;
+use crate::method::StochasticLightcutsSpec;
+use scene::{CameraSpec, Material, MaterialId, Mesh};
+
+pub(super) fn floor_scene() -> Scene {
+    let positions = [
+        [-5.0, 0.0, -5.0],
+        [5.0, 0.0, -5.0],
+        [5.0, 0.0, 5.0],
+        [-5.0, 0.0, 5.0],
+    ]
+    .map(Vec3::from)
+    .to_vec();
+    let camera = CameraSpec {
+        origin: Vec3::new(0.0, 2.0, 4.0),
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        fov_y_deg: 60.0,
+    };
+    Scene {
+        mesh: Mesh {
+            positions,
+            indices: vec![[0, 1, 2], [0, 2, 3]],
+            materials: vec![MaterialId(0); 2],
+            ..Mesh::default()
+        },
+        materials: vec![Material::default()],
+        camera,
+        ..Scene::default()
+    }
+}
+
+pub(super) fn lights(n: u32) -> light_tree::LightSet {
+    let mut set = light_tree::LightSet::default();
+    let mut rng = Rng::new(1, 0, 0, Purpose::Build);
+    for _ in 0..n {
+        set.push_point(
+            Vec3::new(
+                rng.f32() * 6.0 - 3.0,
+                1.0 + rng.f32(),
+                rng.f32() * 6.0 - 3.0,
+            ),
+            Vec3::ONE,
+        );
+    }
+    set
+}
+
+pub(super) fn spec() -> RenderSpec {
+    RenderSpec {
+        width: 50,
+        height: 37,
+        spp: 5,
+        seed: 3,
+        shape: VirtualShape::Sphere,
+        shard: Shard::ALL,
+    }
+}
+
+fn rendered(spec: RenderSpec, threads: usize) -> Picture {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+    let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec::default());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("thread pool");
+    pool.install(|| {
+        let mut render = Render::new(&scene, &tracer, &inputs, &method, spec);
+        while render.pass(&|_| ()).is_some() {}
+        render.picture()
+    })
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let one = rendered(spec(), 1);
+    assert!(
+        one.radiance.iter().any(|c| *c != Vec3::ZERO),
+        "there is a picture"
+    );
+    for threads in [2, 5] {
+        assert!(
+            rendered(spec(), threads) == one,
+            "{threads} threads differ from one"
+        );
+    }
+}
+
+#[test]
+fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
+    let picture = |scene: &Scene| {
+        let tracer = Tracer::build(scene);
+        let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+        let method = MethodSpec::default();
+        let mut render = Render::new(scene, &tracer, &inputs, &method, spec());
+        while render.pass(&|_| ()).is_some() {}
+        (render.picture(), tracer.has_cutouts())
+    };
+    let plain = floor_scene();
+    // The same surfaces by way of an opacity map without holes, a white texture and stored normals.
+    let mut dressed = floor_scene();
+    let texels = vec![[255; 4]; 4];
+    let path = "white".into();
+    dressed.textures.push(scene::Texture {
+        path,
+        width: 2,
+        height: 2,
+        texels,
+        has_alpha: true,
+    });
+    dressed.materials[0].opacity_map = Some(scene::TextureId(0));
+    dressed.materials[0].diffuse_map = Some(scene::TextureId(0));
+    dressed.mesh.uvs = vec![
+        glam::Vec2::ZERO,
+        glam::Vec2::X,
+        glam::Vec2::ONE,
+        glam::Vec2::Y,
+    ];
+    dressed.mesh.uv_indices = dressed.mesh.indices.clone();
+    dressed.mesh.normals = vec![Vec3::Y];
+    dressed.mesh.normal_indices = vec![[0; 3]; 2];
+    let ((skipped, plain_cutouts), (forced, dressed_cutouts)) =
+        (picture(&plain), picture(&dressed));
+    assert!(
+        !plain_cutouts && dressed_cutouts,
+        "one pays for cut-outs, the other does not"
+    );
+    assert!(skipped == forced, "pictures differ");
+}
+
+#[test]
+fn shards_put_together_are_the_whole() {
+    let parts: Vec<_> = (0..3)
+        .map(|index| {
+            (
+                index.to_string(),
+                rendered(
+                    RenderSpec {
+                        shard: Shard { index, count: 3 },
+                        ..spec()
+                    },
+                    2,
+                ),
+            )
+        })
+        .collect();
+    let merged = Picture::merge(&parts).expect("three disjoint shards");
+    assert!(merged == rendered(spec(), 2), "merged shards differ");
+}
+
+#[test]
+fn a_method_that_takes_whole_pixels_gets_all_samples_at_once() {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+    let mean = |method: &MethodSpec| {
+        let mut render = Render::new(&scene, &tracer, &inputs, method, spec());
+        let first = render.pass(&|_| ()).map(|pass| pass.spp);
+        while render.pass(&|_| ()).is_some() {}
+        let picture = render.picture();
+        let sum: DVec3 = picture.radiance.iter().map(|c| c.as_dvec3()).sum();
+        (first, render.counters().shading_points, sum)
+    };
+    let (first, points, whole) = mean(&MethodSpec::Multidimensional(Default::default()));
+    let (first_all, points_all, exact) = mean(&MethodSpec::AllLights(Default::default()));
+    assert_eq!((first, first_all), (Some(5), Some(1)), "samples at once");
+    assert_eq!(points, points_all, "gather points");
+    // Errors of 2000 pixels mostly cancel.
+    assert!(
+        (whole - exact).abs().max_element() < 1e-2 * exact.max_element(),
+        "{whole} instead of {exact}"
+    );
+}
+
+#[test]
+fn a_light_over_a_plane_gives_its_irradiance() {
+    // Radiance = ρ/π · I cosθ / d² under the light's foot: 0.5/π · 1/4.
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let mut one = light_tree::LightSet::default();
+    one.push_point(Vec3::Y * 2.0, Vec3::ONE);
+    let inputs = Inputs::new(one, TreeBuilder::Binned);
+    for method in MethodSpec::all() {
+        let spec = RenderSpec {
+            width: 1001,
+            height: 1001,
+            spp: 1,
+            ..spec()
+        };
+        let narrow = Scene {
+            camera: CameraSpec {
+                fov_y_deg: 1.0,
+                ..scene.camera
+            },
+            ..scene.clone()
+        };
+        let mut render = Render::new(
+            &narrow,
+            &tracer,
+            &inputs,
+            &method,
+            RenderSpec {
+                width: 33,
+                height: 33,
+                ..spec
+            },
+        );
+        while render.pass(&|_| ()).is_some() {}
+        let centre = render.picture().radiance[16 * 33 + 16];
+        let exact = 0.5 / std::f32::consts::PI / 4.0;
+        assert!(
+            (centre.x / exact - 1.0).abs() < 1e-3,
+            "{}: {centre} instead of {exact}",
+            method.name()
+        );
+    }
+}
+
+#[test]
+fn a_scene_without_lights_is_black_and_sound() {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let inputs = Inputs::new(light_tree::LightSet::default(), TreeBuilder::Binned);
+    for method in MethodSpec::all() {
+        let mut render = Render::new(&scene, &tracer, &inputs, &method, spec());
+        while render.pass(&|_| ()).is_some() {}
+        assert!(
+            render.picture().radiance.iter().all(|c| *c == Vec3::ZERO),
+            "{}",
+            method.name()
+        );
+        assert_eq!(render.counters().nonfinite, 0, "{}", method.name());
+    }
+    assert!(inputs.built_tree().is_none(), "no lights, no tree");
+}

@@ -1,0 +1,109 @@
+//! Trees of every builder.
+
+use super::*;
+use crate::test_lights::any_lights;
+
+#[test]
+fn every_tree_is_valid() {
+    arbtest::arbtest(|u| {
+        let set = any_lights(u)?;
+        for builder in TreeBuilder::ALL {
+            match LightTree::build(&set, builder) {
+                None => assert!(set.is_empty(), "a tree for {} lights", set.len()),
+                Some(tree) => tree
+                    .validate(&set)
+                    .unwrap_or_else(|e| panic!("{builder:?}: {e}")),
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn coincident_lights_make_a_shallow_tree() {
+    let mut set = LightSet::default();
+    for _ in 0..20_000 {
+        set.push_point(Vec3::ONE, Vec3::ONE);
+    }
+    for builder in TreeBuilder::ALL {
+        let tree = LightTree::build(&set, builder).expect("has lights");
+        tree.validate(&set)
+            .unwrap_or_else(|e| panic!("{builder:?}: {e}"));
+        assert!(tree.depth() <= 16, "{builder:?}: depth {}", tree.depth());
+    }
+}
+
+#[test]
+fn a_geometric_chain_of_lights_keeps_its_depth_bounded() {
+    let mut set = LightSet::default();
+    for i in 0..120 {
+        set.push_point(Vec3::X * 0.5f32.powi(i), Vec3::ONE);
+    }
+    for builder in TreeBuilder::ALL {
+        let tree = LightTree::build(&set, builder).expect("has lights");
+        tree.validate(&set)
+            .unwrap_or_else(|e| panic!("{builder:?}: {e}"));
+        assert!(tree.depth() <= 3 * 7, "{builder:?}: depth {}", tree.depth());
+    }
+}
+
+#[test]
+fn the_tree_is_the_same_for_one_thread_and_four() {
+    let mut set = LightSet::default();
+    let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
+    for _ in 0..30_000 {
+        set.push_point(
+            Vec3::new(rng.f32(), rng.f32(), rng.f32()),
+            Vec3::splat(rng.f32()),
+        );
+    }
+    let build_with = |builder, threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("thread pool");
+        let tree = pool
+            .install(|| LightTree::build(&set, builder))
+            .expect("has lights");
+        format!("{:?}", tree.pairs)
+    };
+    for builder in TreeBuilder::ALL {
+        assert!(
+            build_with(builder, 1) == build_with(builder, 4),
+            "{builder:?}: trees differ"
+        );
+    }
+}
+
+/// Sum over all inner nodes of intensity times squared diagonal: what a good tree keeps small.
+fn looseness(set: &LightSet, builder: TreeBuilder) -> f64 {
+    let tree = LightTree::build(set, builder).expect("has lights");
+    let nodes = tree.pairs.iter().flat_map(|p| p.0);
+    nodes
+        .filter(|n| n.has_positions())
+        .map(|n| f64::from(n.intensity * (n.hi - n.lo).length_squared()))
+        .sum()
+}
+
+#[test]
+fn lights_on_a_line_are_clustered_whatever_their_order() {
+    let mut shuffled: Vec<u32> = (0..1000).collect();
+    shuffled.sort_by_key(|i| i.wrapping_mul(2_654_435_761));
+    let line = |order: &mut dyn Iterator<Item = u32>| {
+        let mut set = LightSet::default();
+        for i in order {
+            set.push_point(Vec3::new(i as f32, 2.0, 3.0), Vec3::ONE);
+        }
+        set
+    };
+    let (straight, shuffled) = (line(&mut (0..1000)), line(&mut shuffled.into_iter()));
+    for builder in TreeBuilder::ALL {
+        let (a, b) = (looseness(&straight, builder), looseness(&shuffled, builder));
+        assert!(
+            (a / b - 1.0).abs() < 0.01,
+            "{builder:?}: {a} in order, {b} shuffled"
+        );
+        // Halving a line of n: n · n² · (1 + 1/4 + …) = 4/3 n³.
+        assert!(a < 2.0e9, "{builder:?}: {a} for a line of 1000");
+    }
+}
