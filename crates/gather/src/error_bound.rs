@@ -3,67 +3,57 @@
 //! Source: Walter et al., "Lightcuts: A Scalable Approach to Illumination", 2005, §3.2: material × geometry,
 //! with nothing in the way.
 
-use std::f32::consts::FRAC_1_PI;
-
 use glam::Vec3;
 use light_tree::{
     ClusterBound, Falloff, LightKind, LightSet, LightTree, NodeId, Receivers, Representatives,
     luminance,
 };
-use scene::Brdf;
+use scene::{Brdf, LobeBound};
 
 use crate::contribution::VirtualShape;
 use crate::point::GatherPoint;
 
-/// Reflection at one point, or the greatest at several.
+/// What a point reflects at most, or the greatest of several.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reflection {
     /// Diffuse BRDF value, sr⁻¹.
-    pub(crate) diffuse: Vec3,
-    /// Specular BRDF value along the lobe's axis, sr⁻¹; zero for matte surfaces.
-    pub(crate) specular: Vec3,
-    /// Off the axis the lobe is at most `specular` × cosⁿ for this n.
-    pub(crate) exponent: f32,
+    diffuse: Vec3,
+    /// `None` for matte surfaces.
+    lobe: Option<LobeBound>,
 }
 
 impl Reflection {
-    pub(crate) fn of(brdf: &Brdf) -> Self {
+    pub(crate) fn of(x: &GatherPoint) -> Self {
+        let cos_o = x.ns.dot(x.wo);
         Self {
-            diffuse: brdf.diffuse * FRAC_1_PI,
-            specular: if brdf.is_glossy() {
-                brdf.specular * brdf.lobe_peak()
-            } else {
-                Vec3::ZERO
-            },
-            exponent: brdf.exponent,
+            diffuse: x.brdf.diffuse_bound(cos_o),
+            lobe: x.brdf.is_glossy().then(|| x.brdf.lobe_bound(cos_o)),
         }
     }
 
     /// The greatest of both.
     pub(crate) fn max(&self, other: &Self) -> Self {
-        let exponent = match (self.is_glossy(), other.is_glossy()) {
-            (true, false) => self.exponent,
-            (false, true) => other.exponent,
-            _ => self.exponent.min(other.exponent),
-        };
         Self {
             diffuse: self.diffuse.max(other.diffuse),
-            specular: self.specular.max(other.specular),
-            exponent,
+            lobe: match (&self.lobe, &other.lobe) {
+                (Some(a), Some(b)) => Some(a.max(b)),
+                (a, b) => a.or(*b),
+            },
         }
     }
 
-    pub(crate) fn is_glossy(&self) -> bool {
-        self.specular != Vec3::ZERO
+    /// Greatest BRDF × cosine for directions under cosines up to `cos`, and up to `lobe_cos` with the lobe's axis.
+    fn value(&self, cos: f32, lobe_cos: f32) -> Vec3 {
+        let lobe = self.lobe.map_or(Vec3::ZERO, |lobe| lobe.value(lobe_cos));
+        self.diffuse * cos + lobe
     }
 
-    /// Greatest BRDF value for directions that the lobe's axis sees under cosines up to `lobe_cos`.
-    fn value(&self, lobe_cos: f32) -> Vec3 {
-        if self.is_glossy() {
-            self.diffuse + self.specular * lobe_cos.powf(self.exponent)
-        } else {
-            self.diffuse
-        }
+    /// Greatest BRDF, likewise.
+    fn value_per_cosine(&self, lobe_cos: f32) -> Vec3 {
+        let lobe = self
+            .lobe
+            .map_or(Vec3::ZERO, |lobe| lobe.value(lobe_cos) * lobe.per_cosine);
+        self.diffuse + lobe
     }
 }
 
@@ -89,23 +79,43 @@ impl Clusters<'_> {
         strength: Vec3,
         id: NodeId,
     ) -> f64 {
-        let ClusterBound { geometry, lobe_cos } = at.bound(self.tree, id, self.falloff(id));
-        let reflected = strength * reflection.value(lobe_cos) * self.representatives.intensity(id);
-        let luminance = f64::from(luminance(reflected));
-        // A black surface is black also where the geometry is infinite.
-        if luminance > 0.0 {
-            luminance * f64::from(geometry)
-        } else {
-            0.0
+        let ClusterBound {
+            falloff,
+            cos,
+            lobe_cos,
+        } = at.bound(self.tree, id, self.falloff(id));
+        if cos == 0.0 {
+            return 0.0;
+        }
+        let sent = strength * self.representatives.intensity(id);
+        let times = |reflected: Vec3, geometry: f32| {
+            let luminance = f64::from(luminance(sent * reflected));
+            // A black surface is black also where the geometry is infinite.
+            if luminance > 0.0 {
+                luminance * f64::from(geometry)
+            } else {
+                0.0
+            }
+        };
+        let bound = times(reflection.value(cos, lobe_cos), falloff);
+        match self.shape {
+            VirtualShape::ClampedPoint(clamp) if self.kind(id) == LightKind::Virtual => {
+                bound.min(times(reflection.value_per_cosine(lobe_cos), clamp))
+            }
+            _ => bound,
         }
     }
 
+    fn kind(&self, id: NodeId) -> LightKind {
+        self.lights.kind(self.representatives.light(id))
+    }
+
     fn falloff(&self, id: NodeId) -> Falloff {
-        match (self.lights.kind(self.representatives.light(id)), self.shape) {
+        match (self.kind(id), self.shape) {
             (LightKind::Directional, _) => Falloff::None,
             (LightKind::Omni, _) => Falloff::Point,
             (LightKind::Virtual, VirtualShape::Sphere) => Falloff::Sphere(self.lights.radius()),
-            (LightKind::Virtual, VirtualShape::ClampedPoint(clamp)) => Falloff::ClampedPoint(clamp),
+            (LightKind::Virtual, VirtualShape::ClampedPoint(_)) => Falloff::VirtualPoint,
         }
     }
 }
@@ -132,6 +142,7 @@ mod tests {
     use arbtest::arbitrary::{Result, Unstructured};
     use light_tree::{LightId, Receiver, TreeBuilder, VirtualLight};
     use sampling::{Purpose, Rng};
+    use scene::Fresnel;
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
         Ok(match u.int_in_range(0..=4)? {
@@ -201,7 +212,8 @@ mod tests {
         let brdf = Brdf {
             diffuse: Vec3::new(0.6, 0.0, 0.2) * f32::from(u.int_in_range(0..=1_u8)?),
             specular: Vec3::new(0.3, 0.3, 0.0) * f32::from(u.int_in_range(0..=1_u8)?),
-            exponent: [1.0, 5.0, 40.0, 1000.0][u.int_in_range(0..=3)?],
+            alpha: [1.0, 0.3, 0.05, 1e-3][u.int_in_range(0..=3)?],
+            fresnel: [Fresnel::Constant, Fresnel::Schlick][u.int_in_range(0..=1)?],
         };
         Ok(GatherPoint {
             position,
@@ -249,7 +261,7 @@ mod tests {
                 lights: &lights,
                 shape,
             };
-            let (at, reflection) = (x.receivers(), Reflection::of(&x.brdf));
+            let (at, reflection) = (x.receivers(), Reflection::of(&x));
             let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
             let mut stack = representatives.roots().to_vec();
             while let Some(id) = stack.pop() {

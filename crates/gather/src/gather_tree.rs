@@ -162,7 +162,7 @@ impl GatherTree {
             let x = &points[item.point as usize];
             let node = GatherNode {
                 receivers: x.receivers(),
-                reflection: Reflection::of(&x.brdf),
+                reflection: Reflection::of(x),
                 strength: x.strength.as_dvec3(),
                 first,
                 count,

@@ -28,7 +28,11 @@ impl Plan {
                 ),
                 (
                     "glossy surfaces",
-                    materials.iter().any(|m| m.specular != glam::Vec3::ZERO),
+                    materials.iter().any(scene::Material::is_glossy),
+                ),
+                (
+                    "normal maps",
+                    materials.iter().any(|m| m.normal_map.is_some()),
                 ),
                 (
                     "cut-outs",

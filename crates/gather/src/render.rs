@@ -419,7 +419,7 @@ impl<F> PassOf<'_, F> {
         };
         let surface = self.scene.surface(&hit, direction);
         let features = &mut scratch.features[i];
-        features.albedo += surface.brdf.albedo_bound().as_dvec3();
+        features.albedo += surface.brdf.albedo(surface.ns.dot(-direction)).as_dvec3();
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;

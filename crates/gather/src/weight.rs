@@ -1,7 +1,5 @@
 //! What one light can bring one point, as a weight: for methods that look at every light.
 
-use std::f32::consts::FRAC_1_PI;
-
 use light_tree::{LightId, LightKind, LightSet};
 use sampling::Rng;
 use scene::Brdf;
@@ -31,11 +29,14 @@ pub(crate) fn unoccluded_weight(
         let cone = Subtended::new(offset, lights.radius(), x.ns);
         let (cos_x, cos_light) = (x.ns.dot(cone.axis), -normal.dot(cone.axis));
         if x.brdf.is_glossy() || !cone.is_above(cos_x) || !cone.is_above(cos_light) {
-            let cosines = cone.greatest_cos(cos_x) * cone.greatest_cos(cos_light);
-            let cos_lobe = cone.greatest_cos(Brdf::lobe_axis(x.ns, x.wo).dot(cone.axis));
-            let lobe = x.brdf.lobe_peak() * cos_lobe.powf(x.brdf.exponent);
-            let brdf = x.brdf.diffuse * FRAC_1_PI + x.brdf.specular * lobe;
-            let bound = brdf * lights.intensity(id) * (cosines * cone.spread());
+            let (greatest_x, cos_o) = (cone.greatest_cos(cos_x), x.ns.dot(x.wo));
+            let mut reflected = x.brdf.diffuse_bound(cos_o) * greatest_x;
+            if x.brdf.is_glossy() {
+                let cos_lobe = cone.greatest_cos(Brdf::lobe_axis(x.ns, x.wo).dot(cone.axis));
+                reflected += x.brdf.lobe_bound(cos_o).value(cos_lobe);
+            }
+            let emitted = cone.greatest_cos(cos_light) * cone.spread();
+            let bound = reflected * lights.intensity(id) * emitted;
             return mean(bound * x.strength);
         }
     }
@@ -77,7 +78,7 @@ mod tests {
     use light_tree::VirtualLight;
     use sampling::{Purpose, uniform_sphere};
     use scene::trace::Hit;
-    use scene::{Material, MaterialId, Mesh, Scene};
+    use scene::{Fresnel, Material, MaterialId, Mesh, Scene};
 
     use super::*;
 
@@ -136,11 +137,12 @@ mod tests {
     fn a_contribution_never_exceeds_its_weight() {
         let mut rng = Rng::new(9, 0, 0, Purpose::Build);
         let mut random = 0;
-        for (specular, exponent) in [(0.0, 1.0), (0.5, 5.0), (0.5, 300.0)] {
+        for (specular, alpha) in [(0.0, 1.0), (0.5, 0.5), (0.5, 0.08)] {
             let brdf = Brdf {
                 diffuse: Vec3::new(0.5, 0.2, 0.0),
                 specular: Vec3::splat(specular),
-                exponent,
+                alpha,
+                fresnel: Fresnel::Constant,
             };
             for radius in [1e-3, 0.1, 0.7] {
                 let set = lights(radius, &mut rng);

@@ -19,8 +19,8 @@ use crate::tree::{LightTree, NodeId};
 pub enum Falloff {
     /// Omni lights: inverse square, without limit.
     Point,
-    /// Virtual lights as points with cosine emission, whose cos cos / d² is clamped to this, in 1/scene unit².
-    ClampedPoint(f32),
+    /// Virtual lights as points with cosine emission: inverse square.
+    VirtualPoint,
     /// Virtual lights as spheres of this radius ≥ 0 in scene units, dark where their centre is below a horizon.
     Sphere(f32),
     /// Parallel light.
@@ -28,13 +28,15 @@ pub enum Falloff {
 }
 
 /// What a light of a cluster sends at most, per unit of intensity. A cluster's light is at most
-/// intensity × `geometry` × the greatest reflection for directions within `lobe_cos`.
+/// intensity × `falloff` × the greatest of BRDF × cosine for directions within `cos` and `lobe_cos`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClusterBound {
-    /// Upper bound of cosines × falloff, ≥ 0; 0 only where every light of the cluster is below a horizon, +∞
-    /// where a receiver may be at a point light.
-    pub geometry: f32,
-    /// Upper bound in [0, 1] of cos⁺ between a mirror direction and the direction light comes from; 0 without
+    /// Upper bound of emission × falloff, ≥ 0, not clamped; +∞ where a receiver may be at a point light.
+    pub falloff: f32,
+    /// Upper bound of cos⁺ between a normal and the direction light comes from; 0, as `falloff`, only where every light
+    /// of the cluster is below a horizon.
+    pub cos: f32,
+    /// Upper bound of the cosine, signed, between a mirror direction and the direction light comes from; −1 without
     /// mirror directions.
     pub lobe_cos: f32,
 }
@@ -42,8 +44,9 @@ pub struct ClusterBound {
 impl ClusterBound {
     /// Of a cluster that sends nothing.
     pub const DARK: Self = Self {
-        geometry: 0.0,
-        lobe_cos: 0.0,
+        falloff: 0.0,
+        cos: 0.0,
+        lobe_cos: -1.0,
     };
 }
 
@@ -114,9 +117,14 @@ impl Receivers {
     pub fn bound(&self, tree: &LightTree, id: NodeId, falloff: Falloff) -> ClusterBound {
         let cone = tree.cone(id);
         if falloff == Falloff::None {
+            let cos = self.normals.cos_against(cone).max(0.0);
+            if cos == 0.0 {
+                return ClusterBound::DARK;
+            }
             return ClusterBound {
-                geometry: self.normals.cos_against(cone).max(0.0),
-                lobe_cos: self.mirrors.map_or(0.0, |m| m.cos_against(cone).max(0.0)),
+                falloff: 1.0,
+                cos,
+                lobe_cos: self.mirrors.map_or(-1.0, |m| m.cos_against(cone)),
             };
         }
         // Offsets from any of the points to any of the lights: the Minkowski difference of the boxes.
@@ -129,31 +137,34 @@ impl Receivers {
         if cos == 0.0 {
             return ClusterBound::DARK;
         }
-        let mut lobe_cos = self.mirrors.map_or(0.0, |m| m.cos_over(&seen));
+        let lobe_cos = self.mirrors.map_or(-1.0, |m| m.cos_over(&seen));
         let dist2 = seen.least2();
         if falloff == Falloff::Point {
             return ClusterBound {
-                geometry: cos / dist2,
-                lobe_cos: lobe_cos.max(0.0),
+                falloff: 1.0 / dist2,
+                cos,
+                lobe_cos,
             };
         }
         let emitted = emission_bound(&seen, cone);
         if emitted == 0.0 {
             return ClusterBound::DARK;
         }
-        let geometry = match falloff {
+        match falloff {
             Falloff::Sphere(radius) => {
                 let sphere = NearestSphere::new(dist2, radius);
                 // Light comes from all of the sphere, so by directions off the one to the centre.
-                lobe_cos = sphere.widen(lobe_cos);
-                sphere.widen(cos).max(0.0) * sphere.widen(emitted).max(0.0) * sphere.spread
+                ClusterBound {
+                    falloff: sphere.widen(emitted).max(0.0) * sphere.spread,
+                    cos: sphere.widen(cos).max(0.0),
+                    lobe_cos: sphere.widen(lobe_cos),
+                }
             }
-            Falloff::ClampedPoint(clamp) => (cos * emitted / dist2).min(clamp),
-            Falloff::Point | Falloff::None => cos * emitted / dist2,
-        };
-        ClusterBound {
-            geometry,
-            lobe_cos: lobe_cos.max(0.0),
+            Falloff::VirtualPoint | Falloff::Point | Falloff::None => ClusterBound {
+                falloff: emitted / dist2,
+                cos,
+                lobe_cos,
+            },
         }
     }
 }

@@ -5,10 +5,12 @@
 
 mod alias;
 mod discrete;
+mod ggx;
 mod rng;
 mod warp;
 
 pub use alias::AliasTable;
 pub use discrete::Discrete;
+pub use ggx::{ggx_density, ggx_reflected, ggx_visibility, ggx_visible_normal};
 pub use rng::{Purpose, Rng};
-pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};
+pub use warp::{Frame, cosine_hemisphere, uniform_cone, uniform_sphere};

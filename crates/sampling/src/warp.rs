@@ -49,15 +49,6 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> (Vec3, f32) {
     (Vec3::new(r * cos, r * sin, z), z * FRAC_1_PI)
 }
 
-/// Direction about +z with density (n+1)/(2π) cosⁿθ sr⁻¹, `exponent` n ≥ 0.
-#[inline]
-pub fn phong_lobe(exponent: f32, u: [f32; 2]) -> Vec3 {
-    let z = (1.0 - u[0]).powf(1.0 / (exponent + 1.0));
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
-    Vec3::new(r * cos, r * sin, z)
-}
-
 /// Uniform over the cone about +z with `one_minus_cos` = 1 − cos(half angle) in (0, 1];
 /// density 1/(2π · one_minus_cos) sr⁻¹.
 ///
@@ -96,11 +87,6 @@ mod tests {
         check_mean_z("cosine", 2.0 / 3.0, (1.0f64 / 18.0).sqrt(), |u| {
             cosine_hemisphere(u).0
         });
-        // cosⁿ⁺¹ density: mean (n+1)/(n+2), second moment (n+1)/(n+3).
-        let n = 9.0;
-        let mean: f64 = (n + 1.0) / (n + 2.0);
-        let sd = ((n + 1.0) / (n + 3.0) - mean * mean).sqrt();
-        check_mean_z("phong", mean, sd, |u| phong_lobe(9.0, u));
         check_mean_z("cone", 0.75, 0.5 / 12.0f64.sqrt(), |u| uniform_cone(0.5, u));
     }
 
@@ -111,7 +97,6 @@ mod tests {
             for v in [
                 uniform_sphere(u),
                 cosine_hemisphere(u).0,
-                phong_lobe(1e6, u),
                 uniform_cone(1e-12, u),
             ] {
                 assert!(

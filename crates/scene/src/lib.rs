@@ -5,6 +5,7 @@
 
 mod brdf;
 mod camera;
+mod coat;
 mod emitter;
 mod error;
 pub mod load;
@@ -15,11 +16,11 @@ mod texture;
 pub mod trace;
 mod view;
 
-pub use brdf::{Brdf, BrdfSample};
+pub use brdf::{Brdf, BrdfSample, Fresnel, LobeBound};
 pub use camera::CameraSpec;
 pub use emitter::Emitter;
 pub use error::SceneError;
-pub use material::{Material, MaterialId};
+pub use material::{Material, MaterialId, alpha_of_exponent};
 pub use mesh::{ABSENT, Mesh};
 pub use surface::Surface;
 pub use texture::{Texture, TextureId};

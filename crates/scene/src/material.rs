@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::TextureId;
+use crate::brdf::{Brdf, Fresnel, LEAST_ALPHA};
 
 /// Index into [`Scene::materials`](crate::Scene::materials).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -18,16 +19,62 @@ pub struct Material {
     /// `map_Kd`; multiplies `diffuse`.
     pub diffuse_map: Option<TextureId>,
     /// `Ks`, specular reflectance, each channel in [0, 1]; with `diffuse`, no channel sums above 1. With a
-    /// `diffuse_map` that holds at each point: see [`Scene::surface`](crate::Scene::surface).
+    /// `diffuse_map` that holds at each point: see [`Scene::surface`](crate::Scene::surface). Without effect where
+    /// `metallic` says what is reflected.
     pub specular: Vec3,
-    /// `Ns`, Phong exponent, in [0, 1e6].
-    pub exponent: f32,
+    /// GGX roughness α of what is specular, in [0.001, 1]: from `Ns` by [`alpha_of_exponent`], or the square
+    /// of `Pr`.
+    pub alpha: f32,
+    /// `Pm`, in [0, 1]; given where the file has `Pr` or `Pm`. The surface is then a mix of a dielectric (a clear coat
+    /// of index 1.5 over `diffuse`) at 0 and of a metal that reflects `diffuse` at 1.
+    pub metallic: Option<f32>,
+    /// `norm`, or `map_Bump` where that is a normal map: shading normals in tangent space.
+    pub normal_map: Option<TextureId>,
     /// `Ke`, emitted radiance, W/sr/m², finite and not negative.
     pub emission: Vec3,
     /// `d`, in [0, 1]; below ½ the surface is not there.
     pub opacity: f32,
     /// `map_d`: where its value times `opacity` is below ½ the surface is not there.
     pub opacity_map: Option<TextureId>,
+}
+
+/// GGX roughness of a highlight about as wide as that of a Phong lobe: α = √(2 / (`Ns` + 2)), the value at which
+/// both distributions of facet normals have the same peak; at least 0.001.
+pub fn alpha_of_exponent(exponent: f32) -> f32 {
+    (2.0 / (exponent + 2.0)).sqrt().clamp(LEAST_ALPHA, 1.0)
+}
+
+/// Reflectance along the normal of a dielectric of index 1.5.
+const DIELECTRIC: f32 = 0.04;
+
+impl Material {
+    /// Whether any of its points has a specular lobe.
+    pub fn is_glossy(&self) -> bool {
+        self.specular != Vec3::ZERO || self.metallic.is_some()
+    }
+
+    /// Reflection where the diffuse map has `texel`, white without one; never more than arrives.
+    pub(crate) fn brdf(&self, texel: Vec3) -> Brdf {
+        let base = self.diffuse * texel;
+        match self.metallic {
+            Some(metallic) => Brdf {
+                diffuse: base * (1.0 - metallic),
+                specular: Vec3::splat(DIELECTRIC).lerp(base, metallic),
+                alpha: self.alpha,
+                fresnel: Fresnel::Schlick,
+            },
+            None => {
+                // Loading limits Kd + Ks where there is no map; a bright texel is limited here.
+                let scale = (base + self.specular).max(Vec3::ONE).recip();
+                Brdf {
+                    diffuse: base * scale,
+                    specular: self.specular * scale,
+                    alpha: self.alpha,
+                    fresnel: Fresnel::Constant,
+                }
+            }
+        }
+    }
 }
 
 impl Default for Material {
@@ -38,7 +85,9 @@ impl Default for Material {
             diffuse: Vec3::splat(0.5),
             diffuse_map: None,
             specular: Vec3::ZERO,
-            exponent: 1.0,
+            alpha: 1.0,
+            metallic: None,
+            normal_map: None,
             emission: Vec3::ZERO,
             opacity: 1.0,
             opacity_map: None,

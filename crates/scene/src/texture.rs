@@ -55,6 +55,19 @@ impl Texture {
         })
     }
 
+    /// The texels as a normal map, z outward and green along growing v, bilinear; not normalised.
+    pub fn normal(&self, uv: Vec2) -> Vec3 {
+        self.bilinear(uv, |[r, g, b, _]| {
+            // 128 is 0, so that a flat map is exactly flat.
+            Vec3::new(f32::from(r), f32::from(g), f32::from(b)) - 128.0
+        })
+    }
+
+    /// Whether all texels are grey, as in a map of heights.
+    pub fn is_grey(&self) -> bool {
+        self.texels.iter().all(|[r, g, b, _]| r == g && g == b)
+    }
+
     /// Weighted sum of the four texels around `uv`; v = 0 is the bottom row, both coordinates repeat.
     fn bilinear<T>(&self, uv: Vec2, value: impl Fn([u8; 4]) -> T) -> T
     where

@@ -151,7 +151,7 @@ fn empty_scenes_are_black_but_legal() {
 #[test]
 fn materials_mean_what_they_say() {
     let obj = format!("mtllib a.mtl\n{SQUARE}f 1 2 3\nusemtl one name\nf 1 3 4\nusemtl b\nf 1 2 4");
-    let mtl = "# materials\r\nnewmtl one name\r\n\tKd 0.5 # grey\r\nTr 0.25\r\nillum 2\r\nmap_Kd -bm 1 -s 1 1 1 .\\t.png\r\nnewmtl b\nKd .93 .93 .2\nKs 0.5 0 0.1\nNs 1e3\nKe 1 2 3\nd 0.5\nTr 0.9\nmap_d t.png\nnorm n.png\n";
+    let mtl = "# materials\r\nnewmtl one name\r\n\tKd 0.5 # grey\r\nTr 0.25\r\nillum 2\r\nmap_Kd -bm 1 -s 1 1 1 .\\t.png\r\nnewmtl b\nKd .93 .93 .2\nKs 0.5 0 0.1\nNs 1e3\nKe 1 2 3\nd 0.5\nTr 0.9\nmap_d t.png\nnorm t.png\nrefl x.png\n";
     let scene = load_obj(&obj, mtl);
     let [default, a, b] = &scene.materials[..] else {
         panic!("three materials");
@@ -167,7 +167,8 @@ fn materials_mean_what_they_say() {
     assert_eq!(a.opacity, 0.75, "1 - Tr");
     assert_eq!(b.opacity, 0.5, "d counts, not Tr");
     assert_eq!(b.emission, Vec3::new(1.0, 2.0, 3.0), "Ke");
-    assert_eq!(b.exponent, 1000.0, "Ns");
+    assert_eq!(b.alpha, manylight_scene::alpha_of_exponent(1000.0), "Ns");
+    assert_eq!(b.normal_map, None, "grey texels are heights");
     let sum = b.diffuse + b.specular;
     assert!(
         sum.max_element() <= 1.0 + 1e-6,
@@ -188,12 +189,37 @@ fn materials_mean_what_they_say() {
     );
     let remarks = scene.notes.remarks.join("\n");
     for part in [
-        "norm",
+        "refl",
+        "t.png is a map of heights",
         "options without effect: -bm 1 -s 1 1 1",
         "material `b`: Kd + Ks reaches 1.43",
     ] {
         assert!(remarks.contains(part), "{part} in {remarks}");
     }
+}
+
+#[test]
+fn roughness_and_metalness_replace_the_highlight() {
+    let obj = format!("mtllib a.mtl\n{SQUARE}usemtl m\nf 1 2 3\nusemtl p\nf 1 3 4");
+    let mtl = "newmtl m\nKd 0.9 0.6 0.3\nKs 1 1 1\nPr 0.5\nPm 1\nnewmtl p\nKd 1 1 1\nPm 0\nNs 6\n";
+    let scene = load_obj(&obj, mtl);
+    let (metal, plastic) = (&scene.materials[1], &scene.materials[2]);
+    assert_eq!(
+        (metal.metallic, metal.alpha),
+        (Some(1.0), 0.25),
+        "Pr squared"
+    );
+    assert_eq!(
+        (plastic.metallic, plastic.alpha),
+        (Some(0.0), 0.5),
+        "without Pr, Ns tells"
+    );
+    assert!(metal.is_glossy() && plastic.is_glossy(), "both are glossy");
+    let remarks = scene.notes.remarks.join("\n");
+    assert!(
+        remarks.contains("material `m` has Pr or Pm, beside which Ks has no effect"),
+        "{remarks}"
+    );
 }
 
 #[test]

@@ -151,7 +151,11 @@ impl Walk<'_> {
                 return;
             }
             // Absorbing before storing leaves lights of about equal power, which a tree samples best.
-            let survival = surface.brdf.albedo_bound().max_element().min(MOST_SURVIVAL);
+            let survival = surface
+                .brdf
+                .albedo(surface.ns.dot(wo))
+                .max_element()
+                .min(MOST_SURVIVAL);
             if rng.f32() >= survival {
                 return;
             }

@@ -56,7 +56,7 @@ pub(crate) fn room(glossy: bool) -> Scene {
     let material = Material {
         diffuse: Vec3::new(0.6, 0.5, 0.4),
         specular: Vec3::splat(specular),
-        exponent: 20.0,
+        alpha: 0.3,
         ..Material::default()
     };
     Scene {

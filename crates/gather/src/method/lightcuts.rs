@@ -161,7 +161,7 @@ impl<'a> Method<'a> for Lightcuts<'a> {
             clusters,
             x,
             receivers: x.receivers(),
-            reflection: Reflection::of(&x.brdf),
+            reflection: Reflection::of(x),
             eval,
         };
         point.refine(cut, self.spec.cut.get(), self.spec.error.get());

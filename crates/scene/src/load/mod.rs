@@ -13,12 +13,12 @@ mod texture;
 mod weed;
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::{LoadNotes, Material, Mesh, Scene, SceneError};
+use crate::{LoadNotes, Material, Mesh, Scene, SceneError, Texture};
 use scene_file::SceneFile;
 use source::Source;
 pub use source::{SCENE_FOLDER, expand};
@@ -83,14 +83,15 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         .par_iter()
         .map(texture::Wanted::load)
         .collect();
-    let textures = textures.into_iter().collect::<Result<_, _>>()?;
+    let textures: Vec<Texture> = textures.into_iter().collect::<Result<_, _>>()?;
 
     let Parts {
         mut mesh,
-        materials,
+        mut materials,
         mut notes,
         ..
     } = parts;
+    drop_height_maps(&mut materials, &textures, &mut notes);
     weed::weed(&mut mesh, &mut notes);
     if mesh.is_empty() {
         let message = "the scene has no triangles: every picture of it is black";
@@ -106,6 +107,22 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         metres_per_unit: file.metres_per_unit.0,
         notes,
     })
+}
+
+/// `map_Bump` may name a map of heights or one of normals, which only the texels tell.
+fn drop_height_maps(materials: &mut [Material], textures: &[Texture], notes: &mut LoadNotes) {
+    let mut dropped = BTreeSet::new();
+    for material in materials {
+        let map = material.normal_map.map(|map| &textures[map.0 as usize]);
+        if let Some(map) = map.filter(|map| map.is_grey()) {
+            material.normal_map = None;
+            dropped.insert(&map.path);
+        }
+    }
+    for path in dropped {
+        let remark = format!("{path} is a map of heights, which has no effect; normal maps have");
+        notes.remarks.push(remark);
+    }
 }
 
 /// Emissive materials that some triangle has.

@@ -1,14 +1,15 @@
 //! MTL files: every line of interest is checked, put into the plain form that tobj reads without panicking
-//! (three numbers for a colour, no options before file names), and read by tobj.
+//! (three numbers for a colour), and read by tobj.
 
 use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
 use glam::Vec3;
 
+use crate::brdf::LEAST_ALPHA;
 use crate::load::source::{Source, join};
 use crate::load::{Parts, lenient_text, lines, texture};
-use crate::{Material, SceneError};
+use crate::{Material, SceneError, alpha_of_exponent};
 
 /// Largest Phong exponent.
 const SHARPEST: f32 = 1e6;
@@ -67,13 +68,14 @@ pub(super) fn read(
     }
 
     let mut names = HashMap::new();
-    for (material, (line, _)) in read.into_iter().zip(&checked.names) {
-        // tobj keeps the texture's name; the line is the first behind `newmtl` that gives this name.
+    for (at, (material, (line, _))) in read.into_iter().zip(&checked.names).enumerate() {
+        let next = checked.names.get(at + 1).map_or(usize::MAX, |name| name.0);
         let first_map = checked.maps.partition_point(|map| map.line < *line);
-        let mut map = |wanted: &Option<String>, key| {
-            let wanted = wanted.as_ref()?;
-            let mut maps = checked.maps[first_map..].iter();
-            let map = maps.find(|map| map.key == key && map.name == *wanted)?;
+        let end_map = checked.maps.partition_point(|map| map.line < next);
+        // Of several, the last counts, as in tobj.
+        let mut map = |key| {
+            let mut maps = checked.maps[first_map..end_map].iter();
+            let map = maps.rfind(|map| map.key == key)?;
             let texture = texture::Wanted {
                 source: source.clone(),
                 name: map.name.clone(),
@@ -83,8 +85,8 @@ pub(super) fn read(
             };
             Some(parts.textures.id(texture))
         };
-        let diffuse_map = map(&material.diffuse_texture, "map_Kd");
-        let opacity_map = map(&material.dissolve_texture, "map_d");
+        let (diffuse_map, opacity_map) = (map("map_Kd"), map("map_d"));
+        let normal_map = map("norm").or_else(|| map("map_Bump"));
         // MTL has no default; a map alone is meant to be seen as it is.
         let missing_diffuse = Vec3::splat(if diffuse_map.is_some() { 1.0 } else { 0.0 });
         if material.diffuse.is_none() {
@@ -95,7 +97,13 @@ pub(super) fn read(
         }
         let plain = Material {
             opacity: opacity(&material),
-            exponent: material.shininess.unwrap_or(1.0),
+            alpha: match parameter(&material, "Pr") {
+                Some(roughness) => (roughness * roughness).max(LEAST_ALPHA),
+                None => alpha_of_exponent(material.shininess.unwrap_or(1.0)),
+            },
+            metallic: parameter(&material, "Pm")
+                .or_else(|| parameter(&material, "Pr").map(|_| 0.0)),
+            normal_map,
             diffuse: material.diffuse.map_or(missing_diffuse, Vec3::from),
             specular: material.specular.map_or(Vec3::ZERO, Vec3::from),
             emission: material.emissive.map_or(Vec3::ZERO, Vec3::from),
@@ -120,10 +128,14 @@ pub(super) fn read(
 
 /// `d`, else 1 − `Tr`, else 1. Files that give both disagree on what `Tr` means.
 fn opacity(material: &tobj::Material) -> f32 {
-    let transparency = material.unknown_param.get("Tr");
-    let transparency = transparency.and_then(|text| text.parse::<f32>().ok());
+    let transparency = parameter(material, "Tr");
     let opacity = material.dissolve.or(transparency.map(|t| 1.0 - t));
     opacity.unwrap_or(1.0)
+}
+
+/// A number that tobj hands through, which was checked before.
+fn parameter(material: &tobj::Material, key: &str) -> Option<f32> {
+    material.unknown_param.get(key)?.parse().ok()
 }
 
 /// Scales a material that would reflect more than it receives, with a remark. Where a map multiplies `Kd`
@@ -134,6 +146,16 @@ fn conserve_energy(
     line: usize,
     remarks: &mut Vec<String>,
 ) -> Material {
+    if material.metallic.is_some() {
+        if material.specular != Vec3::ZERO {
+            let name = &material.name;
+            remarks.push(format!(
+                "{shown}:{line}: material `{name}` has Pr or Pm, beside which Ks has no effect"
+            ));
+        }
+        material.specular = Vec3::ZERO;
+        return material;
+    }
     if material.diffuse_map.is_some() {
         return material;
     }
@@ -200,7 +222,7 @@ fn check(
                 let [r, g, b] = colour.to_array();
                 writeln(&mut out.plain, key, &format!("{r} {g} {b}"));
             }
-            "Ns" | "d" | "Tr" => {
+            "Ns" | "d" | "Tr" | "Pr" | "Pm" => {
                 let rest = rest.strip_prefix("-halo").unwrap_or(rest);
                 let number = one_number(&at, key, rest)?;
                 let most = if key == "Ns" { SHARPEST } else { 1.0 };
@@ -213,8 +235,13 @@ fn check(
                 }
                 writeln(&mut out.plain, key, &number.to_string());
             }
-            "map_Kd" | "map_d" => {
-                let key = if key == "map_d" { "map_d" } else { "map_Kd" };
+            "map_Kd" | "map_d" | "norm" | "map_Bump" | "bump" => {
+                let key = match key {
+                    "map_d" => "map_d",
+                    "map_Kd" => "map_Kd",
+                    "norm" => "norm",
+                    _ => "map_Bump",
+                };
                 let (options, file) = map_options(rest);
                 if file.is_empty() {
                     return Err(at.error(format!("{key}: there is no file name")));
@@ -226,7 +253,6 @@ fn check(
                     ));
                 }
                 let file = join(name, file).map_err(|m| at.error(format!("{key}: {m}")))?;
-                writeln(&mut out.plain, key, &file);
                 out.maps.push(Map {
                     line,
                     key,
@@ -246,7 +272,8 @@ fn check(
 /// The usual spelling of the keys that are read, in whatever case they come.
 fn canonical(key: &str) -> &str {
     let known = [
-        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "map_Kd", "map_d", "illum", "Ka",
+        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "Pr", "Pm", "map_Kd", "map_d", "norm",
+        "map_Bump", "bump", "illum", "Ka",
     ];
     let same = |known: &&&str| known.eq_ignore_ascii_case(key);
     known.iter().find(same).copied().unwrap_or(key)
