@@ -1,19 +1,19 @@
 //! What one light adds to one gather point, visibility apart.
 
-use std::f32::consts::FRAC_1_PI;
-
 use glam::Vec3;
 use light_tree::{LightId, LightKind, LightSet};
 use sampling::Rng;
 use scene::trace::Ray;
 
 use crate::point::GatherPoint;
+use crate::sender::GlossySender;
+use crate::sphere::sphere;
 use crate::vsl::Subtended;
 
 /// How virtual lights shine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum VirtualShape {
-    /// As spheres of the light set's radius.
+    /// As spheres of their radius.
     Sphere,
     /// As points whose geometry term cos cos / d² is clamped to this value, in 1/scene unit².
     ClampedPoint(f32),
@@ -67,12 +67,17 @@ pub(crate) fn unoccluded_of(
             if normal.dot(offset) >= 0.0 {
                 return None;
             }
-            match shape {
-                VirtualShape::Sphere => sphere(lights.radius(), x, intensity, offset, normal, rng),
-                VirtualShape::ClampedPoint(clamp) => {
-                    clamped_point(x, intensity, offset, normal, clamp)
+            let sender = GlossySender::of(lights, id);
+            let reflected = match shape {
+                VirtualShape::Sphere => {
+                    let cone = Subtended::new(offset, lights.radius(id), x.ns);
+                    sphere(&cone, x, normal, sender.as_ref(), rng)
                 }
-            }
+                VirtualShape::ClampedPoint(clamp) => {
+                    clamped_point(x, sender.as_ref(), offset, normal, clamp)
+                }
+            };
+            intensity * reflected
         }
         LightKind::Directional => Vec3::ZERO,
     };
@@ -89,43 +94,18 @@ fn point(x: &GatherPoint, intensity: Vec3, offset: Vec3) -> Vec3 {
     x.brdf.eval(x.ns, x.wo, wi) * intensity * (x.ns.dot(wi) / dist2)
 }
 
-fn clamped_point(x: &GatherPoint, intensity: Vec3, offset: Vec3, normal: Vec3, clamp: f32) -> Vec3 {
+fn clamped_point(
+    x: &GatherPoint,
+    sender: Option<&GlossySender>,
+    offset: Vec3,
+    normal: Vec3,
+    clamp: f32,
+) -> Vec3 {
     let dist2 = offset.length_squared();
     let wi = offset / dist2.sqrt();
     let geometry = (x.ns.dot(wi) * -normal.dot(wi) / dist2).min(clamp);
-    x.brdf.eval(x.ns, x.wo, wi) * intensity * geometry
-}
-
-fn sphere(
-    radius: f32,
-    x: &GatherPoint,
-    intensity: Vec3,
-    offset: Vec3,
-    normal: Vec3,
-    rng: &mut Rng,
-) -> Vec3 {
-    let cone = Subtended::new(offset, radius, x.ns);
-    let toward = -normal;
-    let (cos_x, cos_light) = (x.ns.dot(cone.axis), toward.dot(cone.axis));
-    let closed = cone.is_above(cos_x) && cone.is_above(cos_light);
-    let mut reflected = Vec3::ZERO;
-    if closed {
-        reflected +=
-            x.brdf.diffuse * FRAC_1_PI * cone.cosine_integral(x.ns, toward, cos_x, cos_light);
-    }
-    if !closed || x.brdf.is_glossy() {
-        let wi = cone.sample([rng.f32(), rng.f32()]);
-        let cosines = x.ns.dot(wi).max(0.0) * toward.dot(wi).max(0.0);
-        if cosines > 0.0 {
-            let brdf = if closed {
-                x.brdf.eval_specular(x.ns, x.wo, wi)
-            } else {
-                x.brdf.eval(x.ns, x.wo, wi)
-            };
-            reflected += brdf * (cosines * cone.spread());
-        }
-    }
-    intensity * reflected
+    let emitted = sender.map_or(Vec3::ONE, |sender| sender.emitted(-wi));
+    x.brdf.eval(x.ns, x.wo, wi) * emitted * geometry
 }
 
 /// Parallel light: no attenuation, the shadow ray leaves the scene.

@@ -13,7 +13,9 @@ pub mod method;
 mod plan;
 mod point;
 mod render;
+mod sender;
 mod shadow_queue;
+mod sphere;
 mod vsl;
 mod weight;
 

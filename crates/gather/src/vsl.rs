@@ -86,6 +86,17 @@ impl Subtended {
         along * cos_n * cos_b + across * (n.dot(b) - cos_n * cos_b)
     }
 
+    /// Solid angle, sr.
+    pub(crate) fn solid_angle(&self) -> f32 {
+        std::f32::consts::TAU * self.one_minus_cos
+    }
+
+    /// Whether unit `w` lies in the cone.
+    pub(crate) fn contains(&self, w: Vec3) -> bool {
+        // By the chord, which unlike the cosine tells narrow cones apart.
+        w.distance_squared(self.axis) <= 2.0 * self.one_minus_cos
+    }
+
     /// A direction uniform in the cone.
     pub(crate) fn sample(&self, u: [f32; 2]) -> Vec3 {
         Frame::around(self.axis).to_world(uniform_cone(self.one_minus_cos, u))

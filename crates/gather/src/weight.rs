@@ -1,11 +1,13 @@
 //! What one light can bring one point, as a weight: for methods that look at every light.
 
+use glam::Vec3;
 use light_tree::{LightId, LightKind, LightSet};
 use sampling::Rng;
 use scene::Brdf;
 
 use crate::contribution::{VirtualShape, unoccluded};
 use crate::point::GatherPoint;
+use crate::sender::GlossySender;
 use crate::vsl::Subtended;
 
 /// Mean over the channels of what light `id` adds to the pixel sample of `x` if nothing is in the way.
@@ -26,21 +28,39 @@ pub(crate) fn unoccluded_weight(
         if x.ns.dot(offset) <= 0.0 || x.ng.dot(offset) <= 0.0 || normal.dot(offset) >= 0.0 {
             return 0.0;
         }
-        let cone = Subtended::new(offset, lights.radius(), x.ns);
+        let cone = Subtended::new(offset, lights.radius(id), x.ns);
         let (cos_x, cos_light) = (x.ns.dot(cone.axis), -normal.dot(cone.axis));
-        if x.brdf.is_glossy() || !cone.is_above(cos_x) || !cone.is_above(cos_light) {
-            let (greatest_x, cos_o) = (cone.greatest_cos(cos_x), x.ns.dot(x.wo));
-            let mut reflected = x.brdf.diffuse_bound(cos_o) * greatest_x;
-            if x.brdf.is_glossy() {
-                let cos_lobe = cone.greatest_cos(Brdf::lobe_axis(x.ns, x.wo).dot(cone.axis));
-                reflected += x.brdf.lobe_bound(cos_o).value(cos_lobe);
-            }
-            let emitted = cone.greatest_cos(cos_light) * cone.spread();
-            let bound = reflected * lights.intensity(id) * emitted;
+        let sender = GlossySender::of(lights, id);
+        let is_whole = cone.is_above(cos_x) && cone.is_above(cos_light);
+        if x.brdf.is_glossy() || sender.is_some() || !is_whole {
+            let reflected = bound_over(&cone, &x.brdf, [x.ns, x.ns], x.wo, cone.axis);
+            let emitted = match &sender {
+                None => Vec3::splat(cone.greatest_cos(cos_light)),
+                Some(s) => {
+                    let normals = [s.normal, normal];
+                    s.scale * bound_over(&cone, &s.brdf, normals, s.incoming, -cone.axis)
+                }
+            };
+            let bound = reflected * emitted * lights.intensity(id) * cone.spread();
             return mean(bound * x.strength);
         }
     }
     unoccluded(lights, shape, x, id, rng).map_or(0.0, |light| mean(light.radiance * x.strength))
+}
+
+/// Greatest BRDF × cosine over the directions of `cone`, whose axis, as seen from the surface that reflects light between it
+/// and unit `wo`, is `axis`. The BRDF is about the first of the normals, the cosine about the second.
+fn bound_over(cone: &Subtended, brdf: &Brdf, [n, m]: [Vec3; 2], wo: Vec3, axis: Vec3) -> Vec3 {
+    let cos_o = n.dot(wo);
+    let mut bound = brdf.diffuse_bound(cos_o) * cone.greatest_cos(m.dot(axis));
+    if brdf.is_glossy() {
+        let lobe = brdf.lobe_bound(cos_o);
+        // Without the cosine that the lobe's bound holds for, at its greatest.
+        let per_cosine = if n == m { 1.0 } else { lobe.per_cosine };
+        let cos_lobe = cone.greatest_cos(Brdf::lobe_axis(n, wo).dot(axis));
+        bound += lobe.value(cos_lobe) * per_cosine;
+    }
+    bound
 }
 
 /// Intensity × cos⁺ at the point / d²: no BRDF, no emission, no geometric normal.
@@ -61,26 +81,26 @@ pub(crate) fn rough_weight(lights: &LightSet, x: &GatherPoint, id: LightId) -> f
     // 1 / (1.5 r²).
     let dist2 = offset.as_dvec3().length_squared();
     let radius = match lights.kind(id) {
-        LightKind::Virtual => f64::from(lights.radius()),
+        LightKind::Virtual => f64::from(lights.radius(id)),
         LightKind::Omni | LightKind::Directional => 0.0,
     };
     intensity * f64::from(height) / (dist2.sqrt() * dist2.max(1.5 * radius * radius))
 }
 
 /// Mean of the channels in f64: above 0 wherever a channel is.
-fn mean(c: glam::Vec3) -> f64 {
+fn mean(c: Vec3) -> f64 {
     c.as_dvec3().element_sum() / 3.0
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
     use light_tree::VirtualLight;
     use sampling::{Purpose, uniform_sphere};
     use scene::trace::Hit;
     use scene::{Fresnel, Material, MaterialId, Mesh, Scene};
 
     use super::*;
+    use crate::sphere::MOST_STRATEGIES;
 
     /// Points in and above a plane, seen from all sides.
     fn points(brdf: Brdf, rng: &mut Rng) -> Vec<GatherPoint> {
@@ -123,10 +143,29 @@ mod tests {
                     rng.f32() * 2.0 - 1.0,
                 ),
                 normal,
-                incoming: normal,
                 flux: Vec3::new(1.0, 0.5, 0.0),
                 reflectance: Vec3::splat(0.7),
-                material: 0,
+                gloss: None,
+            });
+        }
+        let brdf = Brdf {
+            diffuse: Vec3::splat(0.2),
+            specular: Vec3::splat(0.5),
+            alpha: 0.2,
+            fresnel: Fresnel::Constant,
+        };
+        for _ in 0..20 {
+            let normal = uniform_sphere([rng.f32(), rng.f32()]);
+            let incoming = uniform_sphere([rng.f32(), rng.f32()]);
+            let incoming = incoming * incoming.dot(normal).signum();
+            // A shading normal that differs, between the two.
+            let shading = (normal * 2.0 + incoming).normalize();
+            set.push_virtual(&VirtualLight {
+                position: Vec3::new(rng.f32() * 2.0 - 1.0, rng.f32(), rng.f32() * 2.0 - 1.0),
+                normal,
+                flux: Vec3::new(1.0, 0.5, 0.0),
+                reflectance: Vec3::splat(0.7),
+                gloss: Some(vpl::gloss(&brdf, [shading, normal], incoming)),
             });
         }
         set.set_radius(radius);
@@ -150,12 +189,17 @@ mod tests {
                     for x in points(brdf, &mut rng) {
                         for id in set.ids() {
                             let weight = unoccluded_weight(&set, shape, &x, id, &mut rng);
+                            let glossy = x.brdf.is_glossy() || set.gloss(id).is_some();
+                            let most = match (shape, glossy) {
+                                (VirtualShape::Sphere, true) => f64::from(MOST_STRATEGIES),
+                                _ => 1.0,
+                            };
                             let mut least = f64::INFINITY;
                             for _ in 0..8 {
                                 let value = unoccluded(&set, shape, &x, id, &mut rng)
                                     .map_or(0.0, |l| mean(l.radiance));
                                 assert!(
-                                    value <= weight * (1.0 + 1e-4),
+                                    value <= weight * most * (1.0 + 1e-4),
                                     "{value} above {weight}: {shape:?} {x:?} {id:?}"
                                 );
                                 assert!(

@@ -32,10 +32,9 @@ fn lights(n: usize) -> LightSet {
         set.push_virtual(&VirtualLight {
             position,
             normal,
-            incoming: normal,
             flux,
             reflectance,
-            material: 0,
+            gloss: None,
         });
     }
     set

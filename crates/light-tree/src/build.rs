@@ -261,7 +261,8 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         lights: n,
         depth: root.depth,
         diagonal2,
-        least_dist2: 1.5 * lights.radius() * lights.radius(),
+        least_dist2: 0.0,
+        least_dist2_below: Vec::new(),
     })
 }
 

@@ -37,12 +37,12 @@ impl LightTree {
             if node.has_positions() {
                 let seen = receiver.relative(node);
                 let sphere = SeenSphere::of(&seen);
-                let cone = self.cone(NodeId(first.0 + k as u32));
-                lit[k] = node.intensity * sphere.cosines(receiver, &seen, cone);
+                let id = NodeId(first.0 + k as u32);
+                lit[k] = node.intensity * sphere.cosines(receiver, &seen, self.cone(id));
                 dist2[k] = sphere
                     .dist2
                     .max(0.25 * sphere.radius2)
-                    .max(self.least_dist2);
+                    .max(self.least_dist2(id));
             }
         }
         self.weigh_with_parallel(receiver, first, lit, dist2)
@@ -102,10 +102,9 @@ mod tests {
             set.push_virtual(&VirtualLight {
                 position,
                 normal,
-                incoming: normal,
                 flux: Vec3::splat(std::f32::consts::PI),
                 reflectance: Vec3::ONE,
-                material: 0,
+                gloss: None,
             });
         }
         LightTree::build(&set, TreeBuilder::Binned).expect("has lights")

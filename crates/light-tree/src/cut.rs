@@ -96,7 +96,7 @@ impl LightTree {
         if node.has_positions() {
             let seen = receiver.relative(node);
             let d2 = seen.least2();
-            let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2);
+            let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2(id));
             let mut cos = receiver.cos_bound_over(&seen);
             if cones {
                 cos *= seen.emission_bound(self.cone(id));

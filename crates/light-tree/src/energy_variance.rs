@@ -111,7 +111,7 @@ impl EnergyVariance {
                 f64::from(sphere.dist2).sqrt(),
                 f64::from(sphere.radius2).sqrt(),
             );
-            let least = f64::from(tree.least_dist2).sqrt();
+            let least = f64::from(tree.least_dist2(id)).sqrt();
             let (a, b) = ((d - r).max(least), (d + r).max(least));
             if a <= 0.0 {
                 return f64::INFINITY;

@@ -21,20 +21,22 @@ pub enum Falloff {
     Point,
     /// Virtual lights as points with cosine emission: inverse square.
     VirtualPoint,
-    /// Virtual lights as spheres of this radius ≥ 0 in scene units, dark where their centre is below a horizon.
+    /// Virtual lights as spheres of radii up to this, ≥ 0, in scene units; dark where their centre is below a horizon.
     Sphere(f32),
     /// Parallel light.
     None,
 }
 
 /// What a light of a cluster sends at most, per unit of intensity. A cluster's light is at most
-/// intensity × `falloff` × the greatest of BRDF × cosine for directions within `cos` and `lobe_cos`.
+/// intensity × `emitted` × `falloff` × the greatest of BRDF × cosine for directions within `cos` and `lobe_cos`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClusterBound {
-    /// Upper bound of emission × falloff, ≥ 0, not clamped; +∞ where a receiver may be at a point light.
+    /// Upper bound in [0, 1] of what is sent toward the receivers over what is sent along the axis, by lights that are not
+    /// glossy; 0, as all else, only where every light of the cluster is below a horizon.
+    pub emitted: f32,
+    /// Upper bound of solid angle or 1/d², not clamped; +∞ where a receiver may be at a point light.
     pub falloff: f32,
-    /// Upper bound of cos⁺ between a normal and the direction light comes from; 0, as `falloff`, only where every light
-    /// of the cluster is below a horizon.
+    /// Upper bound of cos⁺ between a normal and the direction light comes from.
     pub cos: f32,
     /// Upper bound of the cosine, signed, between a mirror direction and the direction light comes from; −1 without
     /// mirror directions.
@@ -44,6 +46,7 @@ pub struct ClusterBound {
 impl ClusterBound {
     /// Of a cluster that sends nothing.
     pub const DARK: Self = Self {
+        emitted: 0.0,
         falloff: 0.0,
         cos: 0.0,
         lobe_cos: -1.0,
@@ -122,6 +125,7 @@ impl Receivers {
                 return ClusterBound::DARK;
             }
             return ClusterBound {
+                emitted: 1.0,
                 falloff: 1.0,
                 cos,
                 lobe_cos: self.mirrors.map_or(-1.0, |m| m.cos_against(cone)),
@@ -141,6 +145,7 @@ impl Receivers {
         let dist2 = seen.least2();
         if falloff == Falloff::Point {
             return ClusterBound {
+                emitted: 1.0,
                 falloff: 1.0 / dist2,
                 cos,
                 lobe_cos,
@@ -151,17 +156,21 @@ impl Receivers {
             return ClusterBound::DARK;
         }
         match falloff {
-            Falloff::Sphere(radius) => {
-                let sphere = NearestSphere::new(dist2, radius);
+            Falloff::Sphere(greatest) => {
+                // Rounded down: the squared radius went through a factor of 1.5.
+                let least2 = tree.least_dist2(id) * ((1.0 - 1e-6) / 1.5);
+                let sphere = NearestSphere::new(dist2, least2, greatest);
                 // Light comes from all of the sphere, so by directions off the one to the centre.
                 ClusterBound {
-                    falloff: sphere.widen(emitted).max(0.0) * sphere.spread,
+                    emitted: sphere.widen(emitted).max(0.0),
+                    falloff: sphere.spread,
                     cos: sphere.widen(cos).max(0.0),
                     lobe_cos: sphere.widen(lobe_cos),
                 }
             }
             Falloff::VirtualPoint | Falloff::Point | Falloff::None => ClusterBound {
-                falloff: emitted / dist2,
+                emitted,
+                falloff: 1.0 / dist2,
                 cos,
                 lobe_cos,
             },
@@ -177,25 +186,31 @@ fn emission_bound(seen: &RelativeBox, cone: Cone) -> f32 {
     widened_cos(signed_cos_toward(cone.axis, &seen.mirrored()), cone.cos)
 }
 
-/// The sphere of a virtual light that is as near as the box allows.
+/// The sphere of a virtual light that is as near as the box allows, of any radius between two.
 struct NearestSphere {
-    /// Cosine of the half angle under which it appears; 0 inside.
+    /// Cosine of the greatest half angle under which it may appear; 0 inside.
     cos: f32,
     /// Sine of that angle.
     sin: f32,
-    /// Its solid angle over πr², 2 / (max(d, r)² (1 + cos)): never less for a sphere farther off.
+    /// Its greatest solid angle over πr²: never less for a sphere farther off.
     spread: f32,
 }
 
 impl NearestSphere {
-    fn new(dist2: f32, radius: f32) -> Self {
+    /// 2 / (max(d, r)² (1 + cos)) is greatest, for one d, where r = d; so the cosine is that of the greatest radius and
+    /// the length that of the least.
+    fn new(dist2: f32, least2: f32, greatest: f32) -> Self {
         let dist = dist2.sqrt();
-        let sin = if dist > radius { radius / dist } else { 1.0 };
+        let sin = if dist > greatest {
+            greatest / dist
+        } else {
+            1.0
+        };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         Self {
             cos,
             sin,
-            spread: 2.0 / (dist2.max(radius * radius) * (1.0 + cos)),
+            spread: 2.0 / (dist2.max(least2) * (1.0 + cos)),
         }
     }
 

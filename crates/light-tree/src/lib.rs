@@ -29,7 +29,7 @@ pub use cone::Cone;
 pub use cut::Cut;
 pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
-pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};
+pub use lights::{Gloss, LightId, LightKind, LightSet, VirtualLight, luminance};
 pub use representative::Representatives;
 pub use select::{DeadBranch, Selected, Selector};
 pub use splitting::{Splitter, SplittingRule};

@@ -32,23 +32,36 @@ pub struct VirtualLight {
     pub position: Vec3,
     /// Unit surface normal on the side the particle came from.
     pub normal: Vec3,
-    /// Unit direction from the surface back to where the particle came from.
-    pub incoming: Vec3,
     /// Power that arrives, W, already divided by the number of paths.
     pub flux: Vec3,
-    /// Diffuse reflectance of the surface, so that intensity along the normal is flux · reflectance / π.
+    /// Share of the power that the surface sends on, so that intensity along the normal is flux · reflectance / π,
+    /// were it sent on as by a matte surface.
     pub reflectance: Vec3,
-    /// The surface's material, an index the scene understands and this crate does not.
-    pub material: u32,
+    /// How it is sent on; `None` as by a matte surface, with the cosine to the normal.
+    pub gloss: Option<Gloss>,
 }
 
-/// What only virtual lights have.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Origin {
-    pub(crate) incoming: Vec3,
-    pub(crate) flux: Vec3,
-    pub(crate) reflectance: Vec3,
-    pub(crate) material: u32,
+/// How a glossy surface sends on the light of a virtual light. Numbers the scene understands and this crate does not,
+/// but for `peak`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gloss {
+    /// Unit direction from the surface back to where the particle came from.
+    pub incoming: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// The virtual light's `reflectance`.
+    pub reflectance: Vec3,
+    /// Diffuse reflectance.
+    pub diffuse: Vec3,
+    /// Specular reflectance.
+    pub specular: Vec3,
+    /// Roughness.
+    pub alpha: f32,
+    /// Whether the specular part grows toward grazing angles, over a diffuse part that gets what it leaves.
+    pub is_coat: bool,
+    /// Greatest that the light sends in any direction beyond what a matte light of its intensity sends, over that
+    /// intensity; ≥ 0.
+    pub peak: f32,
 }
 
 /// All lights in use: a structure of arrays in one order, omni and directional lights first, virtual
@@ -59,9 +72,18 @@ pub struct LightSet {
     axes: Vec<Vec3>,
     intensities: Vec<Vec3>,
     kinds: Vec<LightKind>,
-    origins: Vec<Origin>,
+    virtual_count: usize,
+    glosses: Vec<Gloss>,
+    /// One a virtual light: index into `glosses`, or [`MATTE`]. Empty when all are matte.
+    gloss_of: Vec<u32>,
+    /// One a virtual light, or empty when all have the same.
+    radii: Vec<f32>,
+    /// The greatest.
     radius: f32,
 }
+
+/// Marks a virtual light without gloss.
+const MATTE: u32 = u32::MAX;
 
 /// The scalar by which lights are weighed: the mean of the channels, above 0 wherever a channel is.
 #[inline]
@@ -110,17 +132,23 @@ impl LightSet {
         self.axes.push(light.normal);
         self.intensities.push(intensity);
         self.kinds.push(LightKind::Virtual);
-        self.origins.push(Origin {
-            incoming: light.incoming,
-            flux: light.flux,
-            reflectance: light.reflectance,
-            material: light.material,
-        });
+        if let Some(gloss) = light.gloss {
+            assert!(
+                gloss.peak >= 0.0 && gloss.peak.is_finite() && gloss.alpha > 0.0,
+                "virtual light {light:?}"
+            );
+            self.gloss_of.resize(self.virtual_count, MATTE);
+            self.gloss_of.push(self.glosses.len() as u32);
+            self.glosses.push(gloss);
+        } else if !self.gloss_of.is_empty() {
+            self.gloss_of.push(MATTE);
+        }
+        self.virtual_count += 1;
         true
     }
 
     fn push(&mut self, position: Vec3, axis: Vec3, intensity: Vec3, kind: LightKind) -> bool {
-        assert!(self.origins.is_empty(), "virtual lights come last");
+        assert!(self.virtual_count == 0, "virtual lights come last");
         check_colour(intensity);
         if luminance(intensity) <= 0.0 {
             return false;
@@ -134,6 +162,7 @@ impl LightSet {
 
     /// Sets the radius of all virtual lights, in scene units, finite and ≥ 0.
     pub fn set_radius(&mut self, radius: f32) {
+        self.set_radii(Vec::new());
         assert!(
             radius >= 0.0 && radius.is_finite(),
             "virtual light radius {radius}"
@@ -141,10 +170,62 @@ impl LightSet {
         self.radius = radius;
     }
 
-    /// Radius of the virtual lights; 0 when there are none.
+    /// Sets the radius of each virtual light, in scene units, finite and ≥ 0; of none to leave all with radius 0.
+    ///
+    /// # Panics
+    /// When there are neither none nor as many as virtual lights.
+    pub fn set_radii(&mut self, radii: Vec<f32>) {
+        assert!(
+            radii.is_empty() || radii.len() == self.virtual_count,
+            "{} radii of {} virtual lights",
+            radii.len(),
+            self.virtual_count
+        );
+        let sound = |r: &f32| *r >= 0.0 && r.is_finite();
+        assert!(radii.iter().all(sound), "virtual light radii");
+        self.radius = radii.iter().copied().fold(0.0, f32::max);
+        self.radii = radii;
+    }
+
+    /// Greatest radius of the virtual lights; 0 when there are none.
     #[inline]
-    pub fn radius(&self) -> f32 {
+    pub fn greatest_radius(&self) -> f32 {
         self.radius
+    }
+
+    /// Whether virtual lights differ in radius.
+    pub fn has_radii(&self) -> bool {
+        !self.radii.is_empty()
+    }
+
+    /// Radius of virtual light `id`.
+    #[inline]
+    pub fn radius(&self, id: LightId) -> f32 {
+        if self.radii.is_empty() {
+            self.radius
+        } else {
+            self.radii[id.index() - self.first_virtual()]
+        }
+    }
+
+    /// How virtual light `id` shines; `None` when it is matte, or of another kind.
+    #[inline]
+    pub fn gloss(&self, id: LightId) -> Option<&Gloss> {
+        if self.glosses.is_empty() {
+            return None;
+        }
+        let at = id.index().checked_sub(self.first_virtual())?;
+        self.glosses.get(self.gloss_of[at] as usize)
+    }
+
+    /// Number of virtual lights that are not matte.
+    pub fn gloss_count(&self) -> usize {
+        self.glosses.len()
+    }
+
+    #[inline]
+    fn first_virtual(&self) -> usize {
+        self.len() - self.virtual_count
     }
 
     /// Number of lights.
@@ -159,7 +240,7 @@ impl LightSet {
 
     /// Number of virtual lights; they are the last ones.
     pub fn virtual_count(&self) -> usize {
-        self.origins.len()
+        self.virtual_count
     }
 
     /// Number of lights of `kind`.
@@ -191,20 +272,6 @@ impl LightSet {
         self.kinds[id.index()]
     }
 
-    /// The virtual light as it was stored; `None` for other kinds.
-    pub fn virtual_light(&self, id: LightId) -> Option<VirtualLight> {
-        let first = self.len() - self.origins.len();
-        let origin = self.origins.get(id.index().checked_sub(first)?)?;
-        Some(VirtualLight {
-            position: self.position(id),
-            normal: self.axis(id),
-            incoming: origin.incoming,
-            flux: origin.flux,
-            reflectance: origin.reflectance,
-            material: origin.material,
-        })
-    }
-
     /// All ids in order.
     pub fn ids(&self) -> impl Iterator<Item = LightId> + use<> {
         (0..self.len() as u32).map(LightId)
@@ -213,7 +280,8 @@ impl LightSet {
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
         self.len() * (3 * size_of::<Vec3>() + size_of::<LightKind>())
-            + self.origins.len() * size_of::<Origin>()
+            + (self.gloss_of.len() + self.radii.len()) * size_of::<u32>()
+            + self.glosses.len() * size_of::<Gloss>()
     }
 }
 
@@ -239,10 +307,9 @@ mod tests {
         let black_surface = VirtualLight {
             position: Vec3::ZERO,
             normal: Vec3::Y,
-            incoming: Vec3::Y,
             flux: Vec3::ONE,
             reflectance: Vec3::ZERO,
-            material: 0,
+            gloss: None,
         };
         assert!(
             !set.push_virtual(&black_surface),
@@ -252,23 +319,58 @@ mod tests {
     }
 
     #[test]
-    fn a_virtual_light_comes_back_as_it_was_stored() {
+    fn only_glossy_lights_have_gloss_and_matte_ones_need_no_memory_for_it() {
         let mut set = LightSet::default();
         set.push_point(Vec3::ONE, Vec3::ONE);
-        let light = VirtualLight {
+        let matte = VirtualLight {
             position: Vec3::new(1.0, 2.0, 3.0),
             normal: Vec3::Y,
-            incoming: Vec3::new(0.6, 0.8, 0.0),
             flux: Vec3::new(1.0, 2.0, 3.0),
             reflectance: Vec3::splat(0.5),
-            material: 7,
+            gloss: None,
         };
-        set.push_virtual(&light);
-        assert_eq!(set.virtual_light(LightId(0)), None, "the point light");
-        assert_eq!(
-            set.virtual_light(LightId(1)),
-            Some(light),
-            "the virtual one"
-        );
+        let gloss = Gloss {
+            incoming: Vec3::new(0.6, 0.8, 0.0),
+            normal: Vec3::Y,
+            reflectance: matte.reflectance,
+            diffuse: Vec3::splat(0.3),
+            specular: Vec3::splat(0.2),
+            alpha: 0.1,
+            is_coat: false,
+            peak: 3.0,
+        };
+        let glossy = VirtualLight {
+            gloss: Some(gloss),
+            ..matte
+        };
+        set.push_virtual(&matte);
+        let (one, bytes) = (set.bytes() - LightSet::default().bytes(), set.bytes());
+        assert!(one < 100, "{one} bytes for two lights");
+        for light in [&matte, &glossy, &matte] {
+            set.push_virtual(light);
+        }
+        let found: Vec<_> = set.ids().map(|id| set.gloss(id).copied()).collect();
+        assert_eq!(found, [None, None, None, Some(gloss), None], "gloss");
+        assert!(set.bytes() > bytes, "counted");
+    }
+
+    #[test]
+    fn radii_are_common_or_each_lights_own() {
+        let mut set = LightSet::default();
+        set.push_point(Vec3::ONE, Vec3::ONE);
+        for _ in 0..2 {
+            set.push_virtual(&VirtualLight {
+                position: Vec3::ZERO,
+                normal: Vec3::Y,
+                flux: Vec3::ONE,
+                reflectance: Vec3::ONE,
+                gloss: None,
+            });
+        }
+        set.set_radius(0.5);
+        assert_eq!(set.radius(LightId(2)), 0.5, "common");
+        set.set_radii(vec![0.1, 0.3]);
+        let own = [set.radius(LightId(1)), set.radius(LightId(2))];
+        assert_eq!((own, set.greatest_radius()), ([0.1, 0.3], 0.3), "own");
     }
 }

@@ -23,6 +23,8 @@ struct Cluster {
 pub struct Representatives {
     clusters: Vec<Cluster>,
     roots: Vec<NodeId>,
+    /// One a cluster, as long as there are glossy lights: see [`peak`](Representatives::peak).
+    peaks: Vec<Vec3>,
 }
 
 impl Representatives {
@@ -36,6 +38,8 @@ impl Representatives {
         let mut clusters = vec![nothing; 2 * tree.pairs.len()];
         // One kind, or none where the lights below are of several; only needed here.
         let mut kinds = vec![None; clusters.len()];
+        let glossy = if lights.gloss_count() > 0 { clusters.len() } else { 0 };
+        let mut peaks = vec![Vec3::ZERO; glossy];
         let mut inner = Vec::with_capacity(tree.light_count());
         let mut stack = vec![tree.root()];
         while let Some(id) = stack.pop() {
@@ -49,6 +53,9 @@ impl Representatives {
                     intensity: lights.intensity(light),
                     light,
                 };
+                if let Some(gloss) = lights.gloss(light) {
+                    peaks[at] = lights.intensity(light) * gloss.peak;
+                }
             }
         }
         // Parents were found before their children.
@@ -70,6 +77,10 @@ impl Representatives {
                 intensity: both.min(DVec3::splat(f64::from(f32::MAX))).as_vec3(),
                 light: clusters[chosen].light,
             };
+            if glossy > 0 {
+                // Rounded up: a bound.
+                peaks[id.0 as usize] = ((peaks[a] + peaks[b]) * (1.0 + f32::EPSILON)).min(Vec3::MAX);
+            }
             if kinds[a] == kinds[b] {
                 kinds[id.0 as usize] = kinds[a];
             }
@@ -82,7 +93,11 @@ impl Representatives {
                 _ => roots.push(id),
             }
         }
-        Self { clusters, roots }
+        Self {
+            clusters,
+            roots,
+            peaks,
+        }
     }
 
     /// The light that stands for the cluster `id`; a leaf's own light.
@@ -124,6 +139,13 @@ impl Representatives {
         self.clusters[id.0 as usize].intensity
     }
 
+    /// What the glossy lights of the cluster send at most in any direction beyond what matte ones of their intensity would,
+    /// W/sr.
+    #[inline]
+    pub fn peak(&self, id: NodeId) -> Vec3 {
+        self.peaks.get(id.0 as usize).copied().unwrap_or(Vec3::ZERO)
+    }
+
     /// The largest clusters whose lights are all of one kind; together they hold every light once.
     ///
     /// One light stands for others of its kind only, so that a cut begins here: with one cluster a kind, where
@@ -134,7 +156,9 @@ impl Representatives {
 
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
-        self.clusters.len() * size_of::<Cluster>() + self.roots.len() * size_of::<NodeId>()
+        self.clusters.len() * size_of::<Cluster>()
+            + self.peaks.len() * size_of::<Vec3>()
+            + self.roots.len() * size_of::<NodeId>()
     }
 }
 
@@ -230,10 +254,9 @@ mod tests {
             lights.push_virtual(&VirtualLight {
                 position: Vec3::X * f32::from(i % 3) + Vec3::Y * f32::from(i / 3),
                 normal: Vec3::Z,
-                incoming: Vec3::Z,
                 flux: Vec3::splat(flux),
                 reflectance: Vec3::splat(0.5),
-                material: 0,
+                gloss: None,
             });
         }
         let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("eight lights");

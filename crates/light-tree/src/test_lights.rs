@@ -38,10 +38,9 @@ pub(crate) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
         set.push_virtual(&VirtualLight {
             position: p,
             normal: n,
-            incoming: n,
             flux: Vec3::splat(f32::from(u.arbitrary::<u8>()?)),
             reflectance: Vec3::splat(0.5),
-            material: 0,
+            gloss: None,
         });
     }
     Ok(set)
@@ -94,10 +93,9 @@ pub(crate) fn lights_on_walls(n: u32) -> LightSet {
         set.push_virtual(&VirtualLight {
             position,
             normal,
-            incoming: normal,
             flux: Vec3::splat(0.1 + rng.f32()),
             reflectance: Vec3::splat(0.5),
-            material: 0,
+            gloss: None,
         });
     }
     set

@@ -94,8 +94,10 @@ pub struct LightTree {
     pub(crate) depth: u32,
     /// Squared diagonal of the box around all positional lights.
     pub(crate) diagonal2: f32,
-    /// No squared distance below this tells lights apart: 1.5 r² for virtual lights of radius r.
+    /// 1.5 r² for the least radius r of the virtual lights of the whole tree.
     pub(crate) least_dist2: f32,
+    /// The same per node, for virtual lights that differ in radius; otherwise empty.
+    pub(crate) least_dist2_below: Vec<f32>,
 }
 
 impl LightTree {
@@ -104,14 +106,49 @@ impl LightTree {
     /// # Panics
     /// When there are more than about a billion lights.
     pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        build::build(lights, builder, build::Apart::Directional)
+        let tree = build::build(lights, builder, build::Apart::Directional)?;
+        Some(tree.with_radii(lights))
     }
 
     /// As [`build`](Self::build), with lights of each kind in a subtree of their own: for methods where one light
     /// stands for a cluster. Methods that draw one light of a cluster do better with lights together that are
     /// near each other: a third less variance under 120 lamps and 2000 virtual lights.
     pub fn build_by_kind(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        build::build(lights, builder, build::Apart::Kinds)
+        let tree = build::build(lights, builder, build::Apart::Kinds)?;
+        Some(tree.with_radii(lights))
+    }
+
+    /// Notes how near the lights of each node can be told apart.
+    fn with_radii(mut self, lights: &LightSet) -> Self {
+        let least_of = |light| match lights.kind(light) {
+            LightKind::Virtual => 1.5 * lights.radius(light) * lights.radius(light),
+            _ => f32::INFINITY,
+        };
+        if !lights.has_radii() {
+            self.least_dist2 = 1.5 * lights.greatest_radius() * lights.greatest_radius();
+            return self;
+        }
+        // Children lie behind their parents.
+        let mut least = vec![f32::INFINITY; 2 * self.pairs.len()];
+        for at in (0..least.len()).rev() {
+            let node = self.node(NodeId(at as u32));
+            least[at] = match (node.light(), node.first_child()) {
+                (Some(light), _) => least_of(light),
+                (None, Some(first)) if first.0 > 0 => {
+                    least[first.0 as usize].min(least[first.0 as usize + 1])
+                }
+                _ => f32::INFINITY, // unused, beside the root
+            };
+        }
+        // Where there are no virtual lights no distance is too short.
+        for least in &mut least {
+            if !least.is_finite() {
+                *least = 0.0;
+            }
+        }
+        self.least_dist2 = least[0];
+        self.least_dist2_below = least;
+        self
     }
 
     /// The root.
@@ -146,6 +183,14 @@ impl LightTree {
         self.directional.get(id.0 as usize).copied().unwrap_or(0.0)
     }
 
+    /// No squared distance below this tells the lights below apart: 1.5 r², where all are virtual and of a radius of at
+    /// least r.
+    #[inline]
+    pub(crate) fn least_dist2(&self, id: NodeId) -> f32 {
+        let own = self.least_dist2_below.get(id.0 as usize);
+        own.copied().unwrap_or(self.least_dist2)
+    }
+
     /// Number of nodes, leaves included: 2 n − 1.
     pub fn node_count(&self) -> usize {
         2 * self.lights - 1
@@ -165,7 +210,7 @@ impl LightTree {
     pub fn bytes(&self) -> usize {
         self.pairs.len() * size_of::<Pair>()
             + self.cones.len() * size_of::<Cone>()
-            + self.directional.len() * size_of::<f32>()
+            + (self.directional.len() + self.least_dist2_below.len()) * size_of::<f32>()
     }
 
     /// Checks every invariant against the lights the tree was built over; for tests and `check`.

@@ -76,9 +76,10 @@ impl LightTree {
         }
         // A light alone in its box, at the receiver, is near as well.
         let near = (nearest2[0] <= diagonal2[0]) | (nearest2[1] <= diagonal2[1]);
-        let least2 = nearest2.map(|d2| d2.max(self.least_dist2));
+        let floor2 = [self.least_dist2(first), self.least_dist2(NodeId(first.0 + 1))];
+        let least2 = [nearest2[0].max(floor2[0]), nearest2[1].max(floor2[1])];
         if !self.directional.is_empty() {
-            let common2 = diagonal2[0].max(diagonal2[1]).max(self.least_dist2);
+            let common2 = diagonal2[0].max(diagonal2[1]).max(floor2[0]).max(floor2[1]);
             return self.weigh_with_parallel(
                 receiver,
                 first,
@@ -131,8 +132,9 @@ impl LightTree {
                 lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
             }
             let range = seen.distances();
-            least2[k] = range.least2.max(self.least_dist2);
-            greatest2[k] = range.greatest2.max(self.least_dist2);
+            let floor2 = self.least_dist2(NodeId(first.0 + k as u32));
+            least2[k] = range.least2.max(floor2);
+            greatest2[k] = range.greatest2.max(floor2);
         }
         let near = match least2 {
             // Inside both boxes the nearest distance says nothing.

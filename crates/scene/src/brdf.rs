@@ -285,6 +285,12 @@ impl Brdf {
         (h * (2.0 * h.dot(wo)) - wo).normalize_or(n)
     }
 
+    /// Greatest value of [`pdf_specular`](Self::pdf_specular) for a viewer under cosine `cos_o`, sr⁻¹.
+    pub fn greatest_specular_pdf(&self, cos_o: f32) -> f32 {
+        let alpha2 = self.alpha * self.alpha;
+        ggx_density(alpha2, 0.0) * ggx_reflected(alpha2, cos_o.max(0.0))
+    }
+
     /// Density of [`sample_specular`](Self::sample_specular) in sr⁻¹, for `wi` above the horizon; 0 when `wo` is not.
     #[inline]
     pub fn pdf_specular(&self, n: Vec3, wo: Vec3, wi: Vec3) -> f32 {

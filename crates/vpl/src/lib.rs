@@ -11,5 +11,5 @@ mod radius;
 mod walk;
 
 pub use emit::source_lights;
-pub use radius::neighbour_distance;
-pub use walk::{VirtualLightSpec, VirtualLightStats, trace};
+pub use radius::set_local_radii;
+pub use walk::{VirtualLightSpec, VirtualLightStats, gloss, trace};

@@ -1,11 +1,13 @@
 //! The particles' random walk, and the virtual lights it leaves.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
-use light_tree::{LightSet, VirtualLight};
+use light_tree::{Gloss, LightSet, VirtualLight};
 use rayon::prelude::*;
 use sampling::{Purpose, Rng};
-use scene::Scene;
 use scene::trace::{Ray, Tracer};
+use scene::{Brdf, Fresnel, Scene, Surface};
 
 use crate::emit::{Particle, Sources};
 
@@ -147,9 +149,13 @@ impl Walk<'_> {
             };
             let surface = self.scene.surface(&hit, direction);
             let wo = -direction;
-            if surface.ns.dot(wo) <= 0.0 {
+            let cos_o = surface.ns.dot(wo);
+            if cos_o <= 0.0 {
                 return;
             }
+            // Particles come and go in proportion to cosines with the geometric normal, where a surface that is seen
+            // reflects by those with the shading normal (Veach 1997, §5.3.2). Both are the same on flat triangles.
+            let arriving = cos_o / surface.ng.dot(wo).max(f32::MIN_POSITIVE);
             // Absorbing before storing leaves lights of about equal power, which a tree samples best.
             let survival = surface
                 .brdf
@@ -160,26 +166,69 @@ impl Walk<'_> {
                 return;
             }
             flux /= survival;
-            if flux * surface.brdf.diffuse != Vec3::ZERO {
+            let albedo = reflectance(&surface.brdf, cos_o);
+            if flux * albedo != Vec3::ZERO {
                 run.lights.push(VirtualLight {
                     position: surface.ray_origin(),
-                    normal: surface.ns,
-                    incoming: wo,
-                    flux,
-                    reflectance: surface.brdf.diffuse,
-                    material: surface.material.0,
+                    normal: surface.ng,
+                    flux: flux * arriving,
+                    reflectance: albedo,
+                    gloss: surface.brdf.is_glossy().then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
                 });
             }
             let Some(sample) = surface.brdf.sample(surface.ns, wo, &mut rng) else {
                 return;
             };
-            if sample.wi.dot(surface.ng) <= 0.0 {
+            let cos_leaving = sample.wi.dot(surface.ng);
+            if cos_leaving <= 0.0 {
                 return;
             }
-            flux *= sample.weight;
+            let leaving = cos_leaving / sample.wi.dot(surface.ns);
+            flux *= sample.weight * (arriving * leaving);
             origin = surface.ray_origin();
             direction = sample.wi;
         }
+    }
+}
+
+/// Share of light under cosine `cos` that `brdf` sends on, per channel. A coat sends a little of every colour in some
+/// direction, however dark it is along the normal.
+fn reflectance(brdf: &Brdf, cos: f32) -> Vec3 {
+    match brdf.fresnel {
+        Fresnel::Constant => brdf.albedo(cos),
+        Fresnel::Schlick => brdf.albedo(cos).max(Vec3::splat(1e-4)),
+    }
+}
+
+/// How a surface of reflection `brdf` sends on light that comes from unit `incoming`, above the horizon of its normals: that of
+/// shading, and that which light leaves by.
+pub fn gloss(brdf: &Brdf, [normal, leaving]: [Vec3; 2], incoming: Vec3) -> Gloss {
+    let cos = normal.dot(incoming);
+    let reflectance = reflectance(brdf, cos);
+    let lobe = brdf.lobe_bound(cos);
+    // BRDF × cosine with the geometric normal, which may be greater than the one with the shading normal.
+    // Without the cosine that the lobe's bound holds for: that of emission is with the geometric normal.
+    let per_cosine = if normal == leaving {
+        1.0
+    } else {
+        lobe.per_cosine
+    };
+    let beyond_matte = (brdf.diffuse_bound(cos) * PI - reflectance).max(Vec3::ZERO);
+    let sent = beyond_matte + lobe.value(1.0) * (PI * per_cosine);
+    let peak = Vec3::select(
+        reflectance.cmpgt(Vec3::ZERO),
+        sent / reflectance,
+        Vec3::ZERO,
+    );
+    Gloss {
+        incoming,
+        normal,
+        reflectance,
+        diffuse: brdf.diffuse,
+        specular: brdf.specular,
+        alpha: brdf.alpha,
+        is_coat: brdf.fresnel == Fresnel::Schlick,
+        peak: peak.max_element(),
     }
 }
 
@@ -282,7 +331,10 @@ mod tests {
                 .build()
                 .expect("thread pool");
             let (lights, stats) = pool.install(|| traced(&scene, 20_000, 4));
-            let all: Vec<_> = lights.ids().map(|id| lights.virtual_light(id)).collect();
+            let all: Vec<_> = lights
+                .ids()
+                .map(|id| (lights.position(id), lights.axis(id), lights.intensity(id)))
+                .collect();
             format!("{stats:?}{all:?}")
         };
         assert!(run(1) == run(3), "lights differ");

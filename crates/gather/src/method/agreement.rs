@@ -24,7 +24,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
         seed: 1,
     };
     vpl::trace(&scene, &tracer, &spec, &mut lights);
-    lights.set_radius(vpl::neighbour_distance(&lights, 10));
+    vpl::set_local_radii(&mut lights, 10);
     (scene, tracer, Inputs::new(lights, TreeBuilder::Binned))
 }
 
