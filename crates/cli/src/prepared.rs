@@ -69,10 +69,10 @@ impl PreparedLights {
         let seconds = started.elapsed().as_secs_f64();
         if lights.virtual_count() > 0 {
             progress.line(&format!(
-                "{} virtual lights from {} paths, radius {:.3}, {seconds:.2} s",
+                "{} virtual lights from {} paths, median radius {:.3}, {seconds:.2} s",
                 lights.virtual_count(),
                 virtual_lights.paths,
-                lights.radius(),
+                lights.median_radius(),
             ));
         }
         Self {
@@ -96,11 +96,10 @@ fn add_virtual_lights(
     };
     let stats = vpl::trace(&loaded.scene, &loaded.tracer, &trace, lights);
     if let VirtualKind::Vsl(vsl) = spec.kind {
-        let radius = vsl.radius.map_or_else(
-            || vpl::neighbour_distance(lights, RADIUS_NEIGHBOURS),
-            |r| r.0,
-        );
-        lights.set_radius(radius);
+        match vsl.radius {
+            Some(radius) => lights.set_radius(radius.0),
+            None => vpl::set_local_radii(lights, RADIUS_NEIGHBOURS),
+        }
     }
     stats
 }

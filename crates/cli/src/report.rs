@@ -85,7 +85,9 @@ struct Report<'a> {
 #[derive(Serialize)]
 struct VirtualLights {
     paths: u64,
+    /// The median.
     radius: f32,
+    greatest_radius: f32,
     source_flux: [f64; 3],
     virtual_flux: [f64; 3],
 }
@@ -169,7 +171,8 @@ pub(crate) fn write(
         ]),
         virtual_lights: (lights.virtual_count() > 0).then(|| VirtualLights {
             paths: virtual_lights.paths,
-            radius: lights.radius(),
+            radius: lights.median_radius(),
+            greatest_radius: lights.greatest_radius(),
             source_flux: virtual_lights.source_flux,
             virtual_flux: virtual_lights.virtual_flux,
         }),

@@ -89,9 +89,10 @@ impl Clusters<'_> {
             return 0.0;
         }
         let of = self.representatives;
-        let sent = strength * (of.intensity(id) * emitted + of.peak(id));
-        let times = |reflected: Vec3, geometry: f32| {
-            let luminance = f64::from(luminance(sent * reflected));
+        let intensity = of.intensity(id);
+        let sent = intensity * emitted + of.peak(id);
+        let times = |sent: Vec3, reflected: Vec3, geometry: f32| {
+            let luminance = f64::from(luminance(strength * sent * reflected));
             // A black surface is black also where the geometry is infinite.
             if luminance > 0.0 {
                 luminance * f64::from(geometry)
@@ -99,10 +100,15 @@ impl Clusters<'_> {
                 0.0
             }
         };
-        let bound = times(reflection.value(cos, lobe_cos), falloff);
+        let bound = times(sent, reflection.value(cos, lobe_cos), falloff);
+        // The clamp takes the light's cosine along, which a bound of its lobe counts on.
+        let is_matte = of.peak(id) == Vec3::ZERO;
         match self.shape {
-            VirtualShape::ClampedPoint(clamp) if self.kind(id) == LightKind::Virtual => {
-                bound.min(times(reflection.value_per_cosine(lobe_cos), clamp))
+            VirtualShape::ClampedPoint(clamp)
+                if is_matte && self.kind(id) == LightKind::Virtual =>
+            {
+                let reflected = reflection.value_per_cosine(lobe_cos);
+                bound.min(times(intensity, reflected, clamp))
             }
             _ => bound,
         }
@@ -116,7 +122,9 @@ impl Clusters<'_> {
         match (self.kind(id), self.shape) {
             (LightKind::Directional, _) => Falloff::None,
             (LightKind::Omni, _) => Falloff::Point,
-            (LightKind::Virtual, VirtualShape::Sphere) => Falloff::Sphere(self.lights.greatest_radius()),
+            (LightKind::Virtual, VirtualShape::Sphere) => {
+                Falloff::Sphere(self.lights.greatest_radius())
+            }
             (LightKind::Virtual, VirtualShape::ClampedPoint(_)) => Falloff::VirtualPoint,
         }
     }
@@ -184,7 +192,11 @@ mod tests {
                 Some(n) => n,
                 None => unit(u)?,
             };
-            let gloss = if u.ratio(1, 4)? { Some(gloss(u, normal)?) } else { None };
+            let gloss = if u.ratio(1, 4)? {
+                Some(gloss(u, normal)?)
+            } else {
+                None
+            };
             set.push_virtual(&VirtualLight {
                 position: vector(u)?,
                 normal,

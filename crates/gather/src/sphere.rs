@@ -160,7 +160,10 @@ mod tests {
         normal: Vec3,
         sender: Option<&GlossySender>,
     ) -> [f64; 3] {
-        let (d2, r2) = (f64::from(offset.length_squared()), f64::from(radius).powi(2));
+        let (d2, r2) = (
+            f64::from(offset.length_squared()),
+            f64::from(radius).powi(2),
+        );
         let sin2 = (r2 / d2).min(1.0);
         let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
         let frame = sampling::Frame::around(offset.normalize());
@@ -332,6 +335,9 @@ mod tests {
         let w = Vec3::new(-0.55, 0.8, 0.1).normalize();
         let sent = set.intensity(LightId(0)) * sender.emitted(w);
         let exact = flux * brdf.eval(normal, incoming, w);
-        assert!(sent.distance(exact) < 1e-6 * exact.length(), "{sent} vs {exact}");
+        assert!(
+            sent.distance(exact) < 1e-6 * exact.length(),
+            "{sent} vs {exact}"
+        );
     }
 }

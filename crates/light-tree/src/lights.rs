@@ -193,6 +193,16 @@ impl LightSet {
         self.radius
     }
 
+    /// The radius that half of the virtual lights exceed, or all have; 0 when there are none.
+    pub fn median_radius(&self) -> f32 {
+        let mut radii = self.radii.clone();
+        if radii.is_empty() {
+            return self.radius;
+        }
+        let middle = radii.len() / 2;
+        *radii.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+
     /// Whether virtual lights differ in radius.
     pub fn has_radii(&self) -> bool {
         !self.radii.is_empty()

@@ -38,7 +38,11 @@ impl Representatives {
         let mut clusters = vec![nothing; 2 * tree.pairs.len()];
         // One kind, or none where the lights below are of several; only needed here.
         let mut kinds = vec![None; clusters.len()];
-        let glossy = if lights.gloss_count() > 0 { clusters.len() } else { 0 };
+        let glossy = if lights.gloss_count() > 0 {
+            clusters.len()
+        } else {
+            0
+        };
         let mut peaks = vec![Vec3::ZERO; glossy];
         let mut inner = Vec::with_capacity(tree.light_count());
         let mut stack = vec![tree.root()];
@@ -79,7 +83,8 @@ impl Representatives {
             };
             if glossy > 0 {
                 // Rounded up: a bound.
-                peaks[id.0 as usize] = ((peaks[a] + peaks[b]) * (1.0 + f32::EPSILON)).min(Vec3::MAX);
+                peaks[id.0 as usize] =
+                    ((peaks[a] + peaks[b]) * (1.0 + f32::EPSILON)).min(Vec3::MAX);
             }
             if kinds[a] == kinds[b] {
                 kinds[id.0 as usize] = kinds[a];

@@ -76,7 +76,10 @@ impl LightTree {
         }
         // A light alone in its box, at the receiver, is near as well.
         let near = (nearest2[0] <= diagonal2[0]) | (nearest2[1] <= diagonal2[1]);
-        let floor2 = [self.least_dist2(first), self.least_dist2(NodeId(first.0 + 1))];
+        let floor2 = [
+            self.least_dist2(first),
+            self.least_dist2(NodeId(first.0 + 1)),
+        ];
         let least2 = [nearest2[0].max(floor2[0]), nearest2[1].max(floor2[1])];
         if !self.directional.is_empty() {
             let common2 = diagonal2[0].max(diagonal2[1]).max(floor2[0]).max(floor2[1]);

@@ -233,7 +233,11 @@ mod tests {
         let middle = LightId(1 + 25 * 50 + 25);
         set_local_radii(&mut lights, 4);
         assert_eq!(lights.radius(middle), 0.5, "four at half a unit");
-        assert_eq!(lights.radius(LightId(1)), 1.0, "in the corner two, then two");
+        assert_eq!(
+            lights.radius(LightId(1)),
+            1.0,
+            "in the corner two, then two"
+        );
         set_local_radii(&mut lights, 8);
         assert_eq!(lights.radius(middle), 0.5 * 2.0f32.sqrt(), "the diagonal");
         let mut few = lights_at((0..4).map(at));

@@ -7,7 +7,7 @@ use light_tree::{Gloss, LightSet, VirtualLight};
 use rayon::prelude::*;
 use sampling::{Purpose, Rng};
 use scene::trace::{Ray, Tracer};
-use scene::{Brdf, Fresnel, Scene, Surface};
+use scene::{Brdf, Fresnel, Scene};
 
 use crate::emit::{Particle, Sources};
 
@@ -173,7 +173,10 @@ impl Walk<'_> {
                     normal: surface.ng,
                     flux: flux * arriving,
                     reflectance: albedo,
-                    gloss: surface.brdf.is_glossy().then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
+                    gloss: surface
+                        .brdf
+                        .is_glossy()
+                        .then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
                 });
             }
             let Some(sample) = surface.brdf.sample(surface.ns, wo, &mut rng) else {

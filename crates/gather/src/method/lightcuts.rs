@@ -240,8 +240,10 @@ mod tests {
                     evaluated += counters.light_samples;
                 }
                 let average = evaluated / many_points(&scene).len() as u64;
+                // Where the lobes of virtual lights on glossy walls point, no bound of a cluster tells.
+                let share = if glossy { 4 } else { 8 };
                 assert!(
-                    name != "many" || average < inputs.lights.len() as u64 / 8,
+                    name != "many" || average < inputs.lights.len() as u64 / share,
                     "{average} of {} lights evaluated at a point",
                     inputs.lights.len()
                 );
