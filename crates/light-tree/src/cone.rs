@@ -78,6 +78,16 @@ impl Cone {
     pub fn contains(&self, direction: Vec3) -> bool {
         angle_between(self.axis, direction) <= half_angle(self.cos) + SLACK
     }
+
+    /// Whether all of `other` lies inside.
+    pub(crate) fn holds(&self, other: &Self) -> bool {
+        let between = if other.cos <= -1.0 {
+            0.0
+        } else {
+            angle_between(self.axis, other.axis)
+        };
+        between + half_angle(other.cos) <= half_angle(self.cos) + SLACK
+    }
 }
 
 /// Half angle of a cone.

@@ -31,7 +31,7 @@ pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
 pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};
 pub use representative::Representatives;
-pub use select::{DeadBranch, Selected, Selector};
+pub use select::{Chosen, DeadBranch, Selected, Selector};
 pub use splitting::{Splitter, SplittingRule};
 pub use tree::{LightTree, Node, NodeId};
 pub use weight::NodeWeights;

@@ -37,12 +37,10 @@ impl Representatives {
         // One kind, or none where the lights below are of several; only needed here.
         let mut kinds = vec![None; clusters.len()];
         let mut inner = Vec::with_capacity(tree.light_count());
-        let mut stack = vec![tree.root()];
-        while let Some(id) = stack.pop() {
+        for id in tree.nodes_below(tree.root()) {
             let at = id.0 as usize;
             if let Some(first) = tree.node(id).first_child() {
                 inner.push((id, first));
-                stack.extend([NodeId(first.0 + 1), first]);
             } else if let Some(light) = tree.node(id).light() {
                 kinds[at] = Some(lights.kind(light));
                 clusters[at] = Cluster {
@@ -154,8 +152,7 @@ mod tests {
                 return Ok(());
             };
             let chosen = Representatives::choose(&tree, &lights, 7);
-            let mut stack = vec![tree.root()];
-            while let Some(id) = stack.pop() {
+            for id in tree.nodes_below(tree.root()) {
                 let Some(first) = tree.node(id).first_child() else {
                     assert_eq!(Some(chosen.light(id)), tree.node(id).light(), "leaf");
                     continue;
@@ -174,7 +171,6 @@ mod tests {
                     (total - sum).abs() <= 1e-5 * sum && (total - of_node).abs() <= 1e-5 * sum,
                     "{total}, {of_node} and {sum}"
                 );
-                stack.extend(children);
             }
             Ok(())
         });
@@ -196,16 +192,10 @@ mod tests {
             let chosen = Representatives::choose(&tree, &lights, 7);
             let mut seen = vec![0; lights.len()];
             for &root in chosen.roots() {
-                let mut stack = vec![root];
-                while let Some(id) = stack.pop() {
-                    if let Some(light) = tree.node(id).light() {
-                        seen[light.index()] += 1;
-                        let kind = lights.kind(chosen.light(root));
-                        assert_eq!(lights.kind(light), kind, "a light of another kind");
-                    }
-                    if let Some(first) = tree.node(id).first_child() {
-                        stack.extend([first, NodeId(first.0 + 1)]);
-                    }
+                for light in tree.lights_below(root) {
+                    seen[light.index()] += 1;
+                    let kind = lights.kind(chosen.light(root));
+                    assert_eq!(lights.kind(light), kind, "a light of another kind");
                 }
             }
             assert!(seen.iter().all(|n| *n == 1), "{seen:?}");

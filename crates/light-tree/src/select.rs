@@ -25,6 +25,18 @@ pub struct Selected {
     pub pmf: f64,
 }
 
+/// The child of a node that a random number falls to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chosen {
+    /// Which child.
+    pub child: NodeId,
+    /// Probability of choosing it, given the node, in (0, 1].
+    pub pmf: f64,
+    /// What is left of the number: again uniform in [0, 1). It draws the light below the child that the whole number
+    /// draws below the node.
+    pub u: f64,
+}
+
 /// A descent under way.
 #[derive(Debug, Clone, Copy)]
 struct Descent {
@@ -167,6 +179,53 @@ impl LightTree {
             Step::Deeper
         } else {
             Step::Dead
+        }
+    }
+
+    /// Chooses between the children of `id` by `u` in [0, 1), as each step of [`select`](Self::select) does; `None` for
+    /// a leaf, and where nothing below can light the receiver.
+    pub fn choose_child(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        id: NodeId,
+        u: f64,
+    ) -> Option<Chosen> {
+        let first = self.node(id).first_child()?;
+        let (child, pmf, u) = choose(self.weigh(weights, receiver, first), u)?;
+        Some(Chosen {
+            child: NodeId(first.0 + child),
+            pmf,
+            u,
+        })
+    }
+
+    /// Draws one light below `root` by `u` in [0, 1), as [`Selector::select`] with [`DeadBranch::Stop`] does for many
+    /// clusters; `None` where a dead branch is met.
+    pub fn select(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        root: NodeId,
+        u: f64,
+    ) -> Option<Selected> {
+        let mut now = Descent {
+            node: root,
+            u,
+            pmf: 1.0,
+            slot: 0,
+        };
+        loop {
+            match self.descend(weights, receiver, &mut now) {
+                Step::Leaf(light) => {
+                    return Some(Selected {
+                        light,
+                        pmf: now.pmf,
+                    });
+                }
+                Step::Deeper => {}
+                Step::Dead => return None,
+            }
         }
     }
 

@@ -2,11 +2,13 @@
 
 mod adaptive_splitting;
 mod all_lights;
+mod fraction;
 mod importance;
 mod lightcuts;
 mod multidimensional;
 mod power;
 mod refinement;
+mod running_total;
 mod sample_count;
 mod stochastic_lightcuts;
 mod uniform;
@@ -18,15 +20,17 @@ use crate::Inputs;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
-pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec, Threshold};
+pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec};
 pub use all_lights::AllLights;
+pub use fraction::Fraction;
 pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use multidimensional::{Multidimensional, MultidimensionalSpec};
 pub use power::{Power, PowerSpec};
-pub use refinement::ErrorShare;
 pub use sample_count::SampleCount;
-pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
+pub use stochastic_lightcuts::{
+    RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,
+};
 pub use uniform::{Uniform, UniformSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.

@@ -7,9 +7,9 @@ use light_tree::{LightSet, LightTree, NodeId, Representatives};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::Method;
-use super::refinement::{Cluster, ErrorShare, Refinement};
+use super::refinement::{Cluster, JUST_VISIBLE, Refinement};
 use super::stochastic_lightcuts::CutSize;
+use super::{Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::error_bound::Clusters;
@@ -46,14 +46,14 @@ pub struct MultidimensionalSpec {
     /// Most clusters of pairs a pixel, in 1..=65536; 1000 in the paper.
     pub cut: CutSize,
     /// Greatest error bound of a cluster as a share of the pixel's total; 0.02 in the paper.
-    pub error: ErrorShare,
+    pub error: Fraction,
 }
 
 impl Default for MultidimensionalSpec {
     fn default() -> Self {
         Self {
             cut: CutSize(1000),
-            error: ErrorShare::default(),
+            error: JUST_VISIBLE,
         }
     }
 }
@@ -373,7 +373,7 @@ mod tests {
                 let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let spec = MultidimensionalSpec {
                     cut: CutSize(65536),
-                    error: ErrorShare(0.0),
+                    error: Fraction::of(0.0),
                 };
                 let method = Multidimensional::prepare(&spec, &inputs);
                 let mut xs = many_points(&scene);

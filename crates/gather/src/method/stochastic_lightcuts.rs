@@ -5,9 +5,12 @@
 
 use light_tree::{Cut, DeadBranch, LightTree, NodeWeights, Selector};
 use sampling::Rng;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
-use super::Method;
+use super::refinement::JUST_VISIBLE;
+use super::running_total::{RunningTotal, SampledCut};
+use super::{Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -15,8 +18,9 @@ use crate::shadow_queue::LightEval;
 
 /// Splits the light tree into up to `cut` clusters by error bound and draws one light from each.
 ///
-/// Unbiased with dead branches stopped. One departure from the paper: clusters are split by their bounds
-/// alone, never by the running total of sampled values, which would tie the stopping to the samples.
+/// Unbiased with dead branches stopped and clusters split by their bounds alone, which is the default. That is a
+/// departure from the published code, which stops by the running total of sampled values and so ties the stopping to the
+/// samples: [`Stopping::RunningTotal`].
 #[derive(Debug)]
 pub struct StochasticLightcuts<'a> {
     spec: StochasticLightcutsSpec,
@@ -24,8 +28,11 @@ pub struct StochasticLightcuts<'a> {
 }
 
 /// Settings of [`StochasticLightcuts`].
+///
+/// Algorithm 1 says nothing of a running total: [`DeadBranches::Retry`] together with [`Stopping::RunningTotal`] is
+/// refused.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, remote = "Self")]
 pub struct StochasticLightcutsSpec {
     /// Most clusters, and so most light samples a point, in 1..=65536.
     pub cut: CutSize,
@@ -33,6 +40,21 @@ pub struct StochasticLightcutsSpec {
     pub weights: Weights,
     /// What to do when nothing below a node can light the point.
     pub dead_branches: DeadBranches,
+    /// When clusters are split no further.
+    pub stopping: Stopping,
+}
+
+impl<'de> Deserialize<'de> for StochasticLightcutsSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        // The derived function of the same name, without a trait.
+        let spec = Self::deserialize(deserializer)?;
+        if spec.dead_branches == DeadBranches::Retry && spec.stopping != Stopping::Bounds {
+            return Err(D::Error::custom(
+                "found dead_branches: Retry with stopping: RunningTotal; expected one of them",
+            ));
+        }
+        Ok(spec)
+    }
 }
 
 /// Number of clusters in a cut, 1..=65536.
@@ -100,6 +122,33 @@ pub enum DeadBranches {
     Retry,
 }
 
+/// When a cut is refined no further.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+pub enum Stopping {
+    /// When it has all its clusters, or only single lights.
+    #[default]
+    Bounds,
+    /// As soon as no cluster can be off by more than a share of the total that was sampled so far, as in the published
+    /// code; biased, for that total is random.
+    RunningTotal(RunningTotalSpec),
+}
+
+/// Settings of [`Stopping::RunningTotal`].
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RunningTotalSpec {
+    /// Greatest error bound of a cluster as a share of the running total.
+    pub error: Fraction,
+}
+
+impl Default for RunningTotalSpec {
+    fn default() -> Self {
+        Self {
+            error: JUST_VISIBLE,
+        }
+    }
+}
+
 impl StochasticLightcutsSpec {
     fn dead_branch(&self) -> DeadBranch {
         match self.dead_branches {
@@ -109,9 +158,17 @@ impl StochasticLightcutsSpec {
     }
 }
 
+/// Memory of [`StochasticLightcuts`], kept from point to point.
+#[derive(Debug, Default)]
+pub struct StochasticLightcutsScratch {
+    cut: Cut,
+    selector: Selector,
+    sampled: SampledCut,
+}
+
 impl<'a> Method<'a> for StochasticLightcuts<'a> {
     type Spec = StochasticLightcutsSpec;
-    type Scratch = (Cut, Selector);
+    type Scratch = StochasticLightcutsScratch;
 
     fn prepare(spec: &StochasticLightcutsSpec, inputs: &'a Inputs) -> Self {
         Self {
@@ -121,7 +178,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
     }
 
     fn is_unbiased(&self) -> bool {
-        self.spec.dead_branches == DeadBranches::Stop
+        self.spec.dead_branches == DeadBranches::Stop && self.spec.stopping == Stopping::Bounds
     }
 
     fn point<E: LightEval>(
@@ -129,11 +186,22 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         x: &GatherPoint,
         eval: &mut E,
         rng: &mut Rng,
-        (cut, selector): &mut (Cut, Selector),
+        StochasticLightcutsScratch {
+            cut,
+            selector,
+            sampled,
+        }: &mut StochasticLightcutsScratch,
     ) {
         let Some(tree) = self.tree else { return };
         let weights = self.spec.weights.node_weights();
-        cut.refine(tree, weights, &x.receiver, self.spec.cut.get());
+        let size = self.spec.cut.get();
+        if let Stopping::RunningTotal(RunningTotalSpec { error }) = self.spec.stopping {
+            let mut running = RunningTotal::new(tree, weights, x, eval, rng);
+            running.refine(sampled, size, error.get());
+            eval.add_radiance(x, sampled.sum());
+            return;
+        }
+        cut.refine(tree, weights, &x.receiver, size);
         eval.mark(Phase::Cut);
         let drawn = selector.select(
             tree,
