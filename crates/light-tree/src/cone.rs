@@ -81,12 +81,9 @@ impl Cone {
 
     /// Whether all of `other` lies inside.
     pub(crate) fn holds(&self, other: &Self) -> bool {
-        let between = if other.cos <= -1.0 {
-            0.0
-        } else {
-            angle_between(self.axis, other.axis)
-        };
-        between + half_angle(other.cos) <= half_angle(self.cos) + SLACK
+        let reach = angle_between(self.axis, other.axis) + half_angle(other.cos);
+        // The axis of a whole sphere says nothing.
+        self.cos <= -1.0 || reach <= half_angle(self.cos) + SLACK
     }
 }
 

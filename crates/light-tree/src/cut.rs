@@ -36,10 +36,34 @@ impl Cut {
         receiver: &Receiver,
         size: usize,
     ) {
-        let cones = weights.bounds_emission();
+        self.grow::<false>(tree, weights.bounds_emission(), receiver, size);
+    }
+
+    /// As [`refine`](Self::refine), but keeps the clusters that contribute nothing to `receiver`, which count among the
+    /// `size`: every light is in one, so that other receivers can share the cut.
+    ///
+    /// Source: Lin and Yuksel 2020, "Real-Time Stochastic Lightcuts".
+    pub fn refine_for_many(
+        &mut self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        size: usize,
+    ) {
+        self.grow::<true>(tree, weights.bounds_emission(), receiver, size);
+    }
+
+    #[inline]
+    fn grow<const KEEP_DARK: bool>(
+        &mut self,
+        tree: &LightTree,
+        cones: bool,
+        receiver: &Receiver,
+        size: usize,
+    ) {
         assert!(size >= 1, "a cut has at least one cluster");
         self.entries.clear();
-        self.push(tree, cones, receiver, tree.root());
+        self.push::<KEEP_DARK>(tree, cones, receiver, tree.root());
         while self.entries.len() < size {
             let Some((worst, entry)) = self
                 .entries
@@ -54,8 +78,8 @@ impl Cut {
                 return;
             };
             self.entries.swap_remove(worst);
-            self.push(tree, cones, receiver, first);
-            self.push(tree, cones, receiver, NodeId(first.0 + 1));
+            self.push::<KEEP_DARK>(tree, cones, receiver, first);
+            self.push::<KEEP_DARK>(tree, cones, receiver, NodeId(first.0 + 1));
         }
     }
 
@@ -75,9 +99,15 @@ impl Cut {
     }
 
     #[inline]
-    fn push(&mut self, tree: &LightTree, cones: bool, receiver: &Receiver, id: NodeId) {
+    fn push<const KEEP_DARK: bool>(
+        &mut self,
+        tree: &LightTree,
+        cones: bool,
+        receiver: &Receiver,
+        id: NodeId,
+    ) {
         let bound = tree.contribution_bound(cones, receiver, id);
-        if bound > 0.0 {
+        if bound > 0.0 || KEEP_DARK {
             let is_leaf = tree.node(id).light().is_some();
             self.entries.push(Entry {
                 node: id,
@@ -167,6 +197,30 @@ mod tests {
                     "{id:?} brings {lit}, is in the cut {times} times"
                 );
             }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn a_cut_for_many_holds_every_light_once_and_is_no_larger() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let at = any_receiver(u, &lights)?;
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+                return Ok(());
+            };
+            let size = u.int_in_range(1..=40usize)?;
+            let weights = *u.choose(&NodeWeights::ALL)?;
+            let mut cut = Cut::default();
+            cut.refine_for_many(&tree, weights, &receiver(at), size);
+            assert!(cut.len() <= size, "{} clusters of {size}", cut.len());
+            let mut below: Vec<u32> = cut
+                .nodes()
+                .flat_map(|node| tree.lights_below(node))
+                .map(|id| id.0)
+                .collect();
+            below.sort_unstable();
+            assert!(below.into_iter().eq(0..lights.len() as u32), "a partition");
             Ok(())
         });
     }

@@ -10,6 +10,7 @@ mod power;
 mod refinement;
 mod running_total;
 mod sample_count;
+mod shared_cuts;
 mod stochastic_lightcuts;
 mod uniform;
 
@@ -19,6 +20,7 @@ use serde::de::DeserializeOwned;
 use crate::Inputs;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::tile_points::TilePoints;
 
 pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec};
 pub use all_lights::AllLights;
@@ -28,6 +30,7 @@ pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use multidimensional::{Multidimensional, MultidimensionalSpec};
 pub use power::{Power, PowerSpec};
 pub use sample_count::SampleCount;
+pub use shared_cuts::BlockEdge;
 pub use stochastic_lightcuts::{
     RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,
 };
@@ -48,6 +51,10 @@ pub trait Method<'a>: Sized + Sync {
 
     /// Whether the expected value is that of [`AllLights`].
     fn is_unbiased(&self) -> bool;
+
+    /// Begins one pass over a tile, with all gather points that will be handed over: for methods that do something for
+    /// many of them at once. A method must do without it where it is not called.
+    fn begin_tile(&self, _tile: &TilePoints<'_>, _scratch: &mut Self::Scratch) {}
 
     /// Adds the light of all lights at `x`, or an estimate of it.
     fn point<E: LightEval>(
