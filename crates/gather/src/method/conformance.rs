@@ -393,7 +393,9 @@ fn points_on_lights_and_lights_in_one_place_leave_every_method_finite() {
                     seed: 31,
                 };
                 let (_, values, counters) = method.visit(&inputs, estimates);
-                let sound = values.iter().all(|v| v.is_finite() && v.min_element() >= 0.0);
+                let sound = values
+                    .iter()
+                    .all(|v| v.is_finite() && v.min_element() >= 0.0);
                 assert!(
                     sound && counters.nonfinite == 0,
                     "{method:?}, case {case}, radius {radius}: {values:?}"

@@ -251,9 +251,9 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
 mod tests {
     use super::*;
     use crate::contribution::VirtualShape;
+    use crate::method::MethodSpec;
     use crate::method::conformance::{Estimates, gather_points, light_sets, room};
     use crate::method::fixtures::{all_lights, at};
-    use crate::method::MethodSpec;
     use glam::{DVec3, Vec3};
     use light_tree::{LightSet, TreeBuilder};
     use scene::trace::Tracer;
@@ -311,7 +311,10 @@ mod tests {
         let tree = inputs.tree().expect("has lights");
         let weights = NodeWeights::Yuksel2019;
         let (_, dead) = tree.pmf_below(weights, &tilted.receiver, tree.root());
-        assert!(dead > 0.05 && dead < 0.95, "the case has a dead branch: {dead}");
+        assert!(
+            dead > 0.05 && dead < 0.95,
+            "the case has a dead branch: {dead}"
+        );
         let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
             cut: CutSize(1),
             ..Default::default()
@@ -329,6 +332,10 @@ mod tests {
         let deviation = (expected * (1.0 - dead)).sqrt();
         let z = (counters.dead_samples as f64 - expected) / deviation;
         // At 5 sigma a false alarm is 6e-7.
-        assert!(z.abs() < 5.0, "{} instead of {expected}", counters.dead_samples);
+        assert!(
+            z.abs() < 5.0,
+            "{} instead of {expected}",
+            counters.dead_samples
+        );
     }
 }

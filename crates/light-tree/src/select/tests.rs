@@ -5,10 +5,10 @@ use glam::Vec3;
 use super::*;
 use crate::build::TreeBuilder;
 use crate::lights::{LightSet, VirtualLight};
-use crate::tree::Node;
 use crate::test_lights::{
     BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
 };
+use crate::tree::Node;
 
 #[test]
 fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
@@ -205,7 +205,12 @@ fn chain(lights: &LightSet) -> LightTree {
     let n = lights.len() as u32;
     let leaf = |i: u32| {
         let p = lights.position(LightId(i));
-        Node::leaf(p, p, crate::luminance(lights.intensity(LightId(i))), LightId(i))
+        Node::leaf(
+            p,
+            p,
+            crate::luminance(lights.intensity(LightId(i))),
+            LightId(i),
+        )
     };
     let mut pairs = vec![Pair([Node::UNUSED; 2]); n as usize];
     let mut rest = leaf(n - 1);
@@ -243,13 +248,22 @@ fn a_chain_of_a_hundred_levels_draws_each_light_with_its_probability() {
             expected[id.index()] = pmf;
         }
         let sum: f64 = expected.iter().sum();
-        assert!((sum - 1.0).abs() < 1e-9 && dead == 0.0, "{weights:?}: sum {sum}");
+        assert!(
+            (sum - 1.0).abs() < 1e-9 && dead == 0.0,
+            "{weights:?}: sum {sum}"
+        );
         let mut observed = vec![0; lights.len()];
         let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Lights);
         for _ in 0..40_000 {
-            let drawn = tree.select(weights, &x, tree.root(), rng.f64()).expect("lit");
+            let drawn = tree
+                .select(weights, &x, tree.root(), rng.f64())
+                .expect("lit");
             let pmf = expected[drawn.light.index()];
-            assert!((drawn.pmf / pmf - 1.0).abs() < 1e-9, "{} for {pmf}", drawn.pmf);
+            assert!(
+                (drawn.pmf / pmf - 1.0).abs() < 1e-9,
+                "{} for {pmf}",
+                drawn.pmf
+            );
             observed[drawn.light.index()] += 1;
         }
         let fit = verify::chi_square(&observed, &expected);
@@ -277,7 +291,10 @@ fn powers_beyond_all_measure_leave_every_lit_light_a_probability() {
         for weights in NodeWeights::ALL {
             let (pmfs, dead) = tree.pmf_below(weights, &x, tree.root());
             let sum: f64 = pmfs.iter().map(|p| p.1).sum::<f64>() + dead;
-            assert!((sum - 1.0).abs() < 1e-9, "{weights:?}, case {case}: sum {sum}");
+            assert!(
+                (sum - 1.0).abs() < 1e-9,
+                "{weights:?}, case {case}: sum {sum}"
+            );
             // A share of 10⁻²⁵ is beyond what f32 weights tell apart.
             let brings = |id| contribution(&lights, id, Vec3::ZERO, Vec3::Y);
             let all: f64 = lights.ids().map(brings).sum();
@@ -287,7 +304,10 @@ fn powers_beyond_all_measure_leave_every_lit_light_a_probability() {
             }
             // Half a cluster of 1e30 may be dark, but what is lit is not drawn less for it.
             let unlit = pmfs.iter().find(|p| p.0.0 == 1).map_or(0.0, |p| p.1);
-            assert_eq!(unlit, 0.0, "{weights:?}, case {case}: the light below the horizon");
+            assert_eq!(
+                unlit, 0.0,
+                "{weights:?}, case {case}: the light below the horizon"
+            );
         }
     }
 }
@@ -311,7 +331,13 @@ fn lights_on_a_line_in_a_plane_or_in_one_place_are_drawn_as_well_as_scattered_on
     let n = 1000u32;
     let along = |i: u32| i as f32 * 0.01 - 5.0;
     let line = |i: u32| Vec3::new(along(i), 1.0, 0.0);
-    let plane = |i: u32| Vec3::new((i % 32) as f32 * 0.2 - 3.0, 1.0, (i / 32) as f32 * 0.2 - 3.0);
+    let plane = |i: u32| {
+        Vec3::new(
+            (i % 32) as f32 * 0.2 - 3.0,
+            1.0,
+            (i / 32) as f32 * 0.2 - 3.0,
+        )
+    };
     let places = |i: u32| Vec3::new((i % 4) as f32 - 1.5, 1.0, (i / 4 % 4) as f32 - 1.5);
     let set = |place: &dyn Fn(u32) -> Vec3, order: &dyn Fn(u32) -> u32, jitter: f32| {
         let mut rng = sampling::Rng::new(9, 0, 0, sampling::Purpose::Build);
@@ -373,7 +399,10 @@ fn parallel_light_is_drawn_by_what_it_brings_however_many_lamps_there_are() {
         let mut rng = sampling::Rng::new(9, 0, 0, sampling::Purpose::Build);
         for _ in 0..lamps {
             let off = Vec3::new(rng.f32(), rng.f32(), rng.f32()) - 0.5;
-            lights.push_point(Vec3::Y * 4.0 + 0.1 * off, Vec3::splat(16.0 / f32::from(lamps)));
+            lights.push_point(
+                Vec3::Y * 4.0 + 0.1 * off,
+                Vec3::splat(16.0 / f32::from(lamps)),
+            );
         }
         // As much as all lamps together, and then a third of that.
         for (irradiance, share) in [(1.0, 0.5), (1.0 / 3.0, 0.25)] {
