@@ -55,6 +55,11 @@ impl Reflection {
             .map_or(Vec3::ZERO, |lobe| lobe.value(lobe_cos) * lobe.per_cosine);
         self.diffuse + lobe
     }
+
+    /// Greatest BRDF × cosine for any direction, of any channel.
+    pub(crate) fn greatest(&self) -> f32 {
+        self.value(1.0, 1.0).max_element()
+    }
 }
 
 /// The clusters that bounds are asked about, and how their lights fall off.
@@ -200,8 +205,7 @@ mod tests {
             set.push_virtual(&VirtualLight {
                 position: vector(u)?,
                 normal,
-                flux: colour(u)?,
-                reflectance: gloss.map_or(Vec3::splat(0.5), |g| g.reflectance),
+                intensity: colour(u)? * 0.5,
                 gloss,
             });
         }
@@ -265,18 +269,6 @@ mod tests {
         })
     }
 
-    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
-        let mut found = Vec::new();
-        let mut stack = vec![root];
-        while let Some(id) = stack.pop() {
-            found.extend(tree.node(id).light());
-            if let Some(first) = tree.node(id).first_child() {
-                stack.extend([first, NodeId(first.0 + 1)]);
-            }
-        }
-        found
-    }
-
     /// How far above its bound a single estimate of a light may be: the bound is that of the integral.
     fn most(lights: &LightSet, shape: VirtualShape, is_glossy: bool) -> f64 {
         if shape == VirtualShape::Sphere && (is_glossy || lights.gloss_count() > 0) {
@@ -311,12 +303,12 @@ mod tests {
             let (at, reflection) = (x.receivers(), Reflection::of(&x));
             let most = most(&lights, shape, x.brdf.is_glossy());
             let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
-            let mut stack = representatives.roots().to_vec();
-            while let Some(id) = stack.pop() {
+            let roots = representatives.roots().iter();
+            for id in roots.flat_map(|root| tree.nodes_below(*root)) {
                 let bound = clusters.bound(&at, &reflection, Vec3::ONE, id);
                 assert!(bound >= 0.0, "bound {bound}");
-                let truth: f64 = lights_below(&tree, id)
-                    .into_iter()
+                let truth: f64 = tree
+                    .lights_below(id)
                     .filter_map(|l| unoccluded(&lights, shape, &x, l, &mut rng))
                     .map(|l| f64::from(luminance(l.radiance)))
                     .sum();
@@ -328,9 +320,6 @@ mod tests {
                     "node {}: bound {bound}, truth {truth}, {shape:?}, {x:?}",
                     id.0
                 );
-                if let Some(first) = tree.node(id).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
-                }
             }
             Ok(())
         });
@@ -384,14 +373,14 @@ mod tests {
                 };
             }
             assert_eq!(below[root.index()].len(), points.len(), "all points");
-            let mut stack = representatives.roots().to_vec();
-            while let Some(light) = stack.pop() {
+            let roots = representatives.roots().iter();
+            for light in roots.flat_map(|root| tree.nodes_below(*root)) {
                 for g in gather.ids() {
                     let node = gather.node(g);
                     let strength = node.strength.as_vec3();
                     let bound = clusters.bound(&node.receivers, &node.reflection, strength, light);
                     let mut truth = 0.0;
-                    for l in lights_below(&tree, light) {
+                    for l in tree.lights_below(light) {
                         for x in below[g.index()].iter().map(|i| &points[*i]) {
                             truth += unoccluded(&lights, shape, x, l, &mut rng)
                                 .map_or(0.0, |l| f64::from(luminance(l.radiance * x.strength)));
@@ -403,9 +392,6 @@ mod tests {
                         "node {}: bound {bound}, truth {truth}, {shape:?}, {points:?}",
                         light.0
                     );
-                }
-                if let Some(first) = tree.node(light).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
                 }
             }
             Ok(())

@@ -318,8 +318,7 @@ mod tests {
         set.push_virtual(&VirtualLight {
             position: Vec3::ZERO,
             normal,
-            flux,
-            reflectance: brdf.albedo(0.8),
+            intensity: flux * brdf.albedo(0.8) / std::f32::consts::PI,
             gloss: Some(light_tree::Gloss {
                 incoming,
                 normal,

@@ -143,8 +143,7 @@ mod tests {
                     rng.f32() * 2.0 - 1.0,
                 ),
                 normal,
-                flux: Vec3::new(1.0, 0.5, 0.0),
-                reflectance: Vec3::splat(0.7),
+                intensity: Vec3::new(1.0, 0.5, 0.0) * 0.7,
                 gloss: None,
             });
         }
@@ -163,8 +162,7 @@ mod tests {
             set.push_virtual(&VirtualLight {
                 position: Vec3::new(rng.f32() * 2.0 - 1.0, rng.f32(), rng.f32() * 2.0 - 1.0),
                 normal,
-                flux: Vec3::new(1.0, 0.5, 0.0),
-                reflectance: Vec3::splat(0.7),
+                intensity: Vec3::new(1.0, 0.5, 0.0) * 0.7,
                 gloss: Some(vpl::gloss(&brdf, [shading, normal], incoming)),
             });
         }

@@ -27,13 +27,11 @@ fn lights(n: usize) -> LightSet {
     let mut set = LightSet::default();
     for _ in 0..n {
         let (position, normal) = on_walls(&mut rng);
-        let flux = Vec3::splat(0.5 + rng.f32());
-        let reflectance = Vec3::splat(0.5);
+        let intensity = Vec3::splat(0.5 + rng.f32());
         set.push_virtual(&VirtualLight {
             position,
             normal,
-            flux,
-            reflectance,
+            intensity,
             gloss: None,
         });
     }

@@ -32,12 +32,9 @@ pub struct VirtualLight {
     pub position: Vec3,
     /// Unit surface normal on the side the particle came from.
     pub normal: Vec3,
-    /// Power that arrives, W, already divided by the number of paths.
-    pub flux: Vec3,
-    /// Share of the power that the surface sends on, so that intensity along the normal is flux · reflectance / π,
-    /// were it sent on as by a matte surface.
-    pub reflectance: Vec3,
-    /// How it is sent on; `None` as by a matte surface, with the cosine to the normal.
+    /// RGB intensity along the normal, W/sr: the power that arrives, times the share of it that leaves again, over π.
+    pub intensity: Vec3,
+    /// How light is sent on: `None` as by a matte surface, with the cosine to the normal.
     pub gloss: Option<Gloss>,
 }
 
@@ -49,7 +46,7 @@ pub struct Gloss {
     pub incoming: Vec3,
     /// Unit shading normal.
     pub normal: Vec3,
-    /// The virtual light's `reflectance`.
+    /// Share of the light that leaves again, which `intensity` counts.
     pub reflectance: Vec3,
     /// Diffuse reflectance.
     pub diffuse: Vec3,
@@ -114,12 +111,12 @@ impl LightSet {
         self.push(Vec3::ZERO, direction, irradiance, LightKind::Directional)
     }
 
-    /// Adds a virtual light, or nothing when its surface reflects none of its flux. Returns whether it was added.
+    /// Adds a virtual light, or nothing when its surface reflects nothing. Returns whether it was added.
     ///
     /// # Panics
     /// On a non-finite or negative number.
     pub fn push_virtual(&mut self, light: &VirtualLight) -> bool {
-        let intensity = light.flux * light.reflectance * std::f32::consts::FRAC_1_PI;
+        let intensity = light.intensity;
         assert!(
             light.position.is_finite() && light.normal.is_finite(),
             "virtual light {light:?}"
@@ -282,6 +279,16 @@ impl LightSet {
         self.kinds[id.index()]
     }
 
+    /// The virtual light as it was stored; `None` for other kinds.
+    pub fn virtual_light(&self, id: LightId) -> Option<VirtualLight> {
+        (self.kind(id) == LightKind::Virtual).then(|| VirtualLight {
+            position: self.position(id),
+            normal: self.axis(id),
+            intensity: self.intensity(id),
+            gloss: self.gloss(id).copied(),
+        })
+    }
+
     /// All ids in order.
     pub fn ids(&self) -> impl Iterator<Item = LightId> + use<> {
         (0..self.len() as u32).map(LightId)
@@ -317,8 +324,7 @@ mod tests {
         let black_surface = VirtualLight {
             position: Vec3::ZERO,
             normal: Vec3::Y,
-            flux: Vec3::ONE,
-            reflectance: Vec3::ZERO,
+            intensity: Vec3::ZERO,
             gloss: None,
         };
         assert!(
@@ -335,14 +341,13 @@ mod tests {
         let matte = VirtualLight {
             position: Vec3::new(1.0, 2.0, 3.0),
             normal: Vec3::Y,
-            flux: Vec3::new(1.0, 2.0, 3.0),
-            reflectance: Vec3::splat(0.5),
+            intensity: Vec3::new(1.0, 2.0, 3.0),
             gloss: None,
         };
         let gloss = Gloss {
             incoming: Vec3::new(0.6, 0.8, 0.0),
             normal: Vec3::Y,
-            reflectance: matte.reflectance,
+            reflectance: Vec3::splat(0.5),
             diffuse: Vec3::splat(0.3),
             specular: Vec3::splat(0.2),
             alpha: 0.1,
@@ -359,8 +364,9 @@ mod tests {
         for light in [&matte, &glossy, &matte] {
             set.push_virtual(light);
         }
-        let found: Vec<_> = set.ids().map(|id| set.gloss(id).copied()).collect();
-        assert_eq!(found, [None, None, None, Some(gloss), None], "gloss");
+        let found: Vec<_> = set.ids().map(|id| set.virtual_light(id)).collect();
+        let stored = [None, Some(matte), Some(matte), Some(glossy), Some(matte)];
+        assert_eq!(found, stored, "as they were stored");
         assert!(set.bytes() > bytes, "counted");
     }
 
@@ -372,8 +378,7 @@ mod tests {
             set.push_virtual(&VirtualLight {
                 position: Vec3::ZERO,
                 normal: Vec3::Y,
-                flux: Vec3::ONE,
-                reflectance: Vec3::ONE,
+                intensity: Vec3::ONE,
                 gloss: None,
             });
         }

@@ -38,8 +38,7 @@ pub(crate) fn any_lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
         set.push_virtual(&VirtualLight {
             position: p,
             normal: n,
-            flux: Vec3::splat(f32::from(u.arbitrary::<u8>()?)),
-            reflectance: Vec3::splat(0.5),
+            intensity: Vec3::splat(f32::from(u.arbitrary::<u8>()?)) * 0.5,
             gloss: None,
         });
     }
@@ -93,8 +92,7 @@ pub(crate) fn lights_on_walls(n: u32) -> LightSet {
         set.push_virtual(&VirtualLight {
             position,
             normal,
-            flux: Vec3::splat(0.1 + rng.f32()),
-            reflectance: Vec3::splat(0.5),
+            intensity: Vec3::splat(0.1 + rng.f32()) * 0.5,
             gloss: None,
         });
     }

@@ -218,8 +218,7 @@ mod tests {
             lights.push_virtual(&VirtualLight {
                 position,
                 normal: Vec3::Y,
-                flux: Vec3::ONE,
-                reflectance: Vec3::ONE,
+                intensity: Vec3::ONE,
                 gloss: None,
             });
         }

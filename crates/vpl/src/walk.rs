@@ -1,6 +1,6 @@
 //! The particles' random walk, and the virtual lights it leaves.
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 use light_tree::{Gloss, LightSet, VirtualLight};
@@ -78,7 +78,7 @@ pub fn trace(
     for light in &run.lights {
         lights.push_virtual(light);
         for c in 0..3 {
-            stats.virtual_flux[c] += f64::from(light.flux[c]) * f64::from(light.reflectance[c]);
+            stats.virtual_flux[c] += f64::from(light.intensity[c]) * std::f64::consts::PI;
         }
     }
     stats.source_flux = run.source_flux;
@@ -171,8 +171,7 @@ impl Walk<'_> {
                 run.lights.push(VirtualLight {
                     position: surface.ray_origin(),
                     normal: surface.ng,
-                    flux: flux * arriving,
-                    reflectance: albedo,
+                    intensity: flux * albedo * (arriving * FRAC_1_PI),
                     gloss: surface
                         .brdf
                         .is_glossy()
@@ -334,10 +333,7 @@ mod tests {
                 .build()
                 .expect("thread pool");
             let (lights, stats) = pool.install(|| traced(&scene, 20_000, 4));
-            let all: Vec<_> = lights
-                .ids()
-                .map(|id| (lights.position(id), lights.axis(id), lights.intensity(id)))
-                .collect();
+            let all: Vec<_> = lights.ids().map(|id| lights.virtual_light(id)).collect();
             format!("{stats:?}{all:?}")
         };
         assert!(run(1) == run(3), "lights differ");
