@@ -218,7 +218,7 @@ function writeValues(context, { size, left, top }, image) {
     for (let x = first(left); x < last(left, image.width, view.width); x++) {
       for (let c = 0; c < 3; c++) {
         const text = digits(picture.data[3 * (y * image.width + x) + c]);
-        const px = left + (x + 0.5) * size, py = top + y * size + (14 + 12 * c) * devicePixelRatio;
+        const px = left + (x + 0.5) * size, py = top + (y + 0.5) * size + (12 * c - 8) * devicePixelRatio;
         context.lineWidth = 2 * devicePixelRatio;
         context.strokeStyle = "#000";
         context.strokeText(text, px, py);
@@ -465,9 +465,10 @@ const spread = (value) => {
   if (value && value.low < value.high) cell.append(make("span", ` ${digits(value.low)}…${digits(value.high)}`, "range"));
   return cell;
 };
-const estimate = (value, half, alarm) => {
+const percent = (value) => (100 * value).toFixed(2);
+const estimate = (value, half, shown, unit, alarm) => {
   const known = value && half;
-  const cell = make("td", known ? `${(100 * value.median).toFixed(2)} ± ${(100 * half.median).toFixed(2)} %` : "–");
+  const cell = make("td", known ? `${shown(value.median)} ± ${shown(half.median)}${unit}` : "–");
   cell.dataset.value = known ? value.median : "";
   if (alarm) {
     cell.classList.add("alarm");
@@ -522,7 +523,7 @@ function begin() {
     results.series.map((s) => [
       text(s.scene), text(s.lights), text(s.label), text(s.budget), spread(s.spp), spread(s.seconds), spread(s.cpu_seconds),
       spread(s.mrays), spread(s.relmse), spread(s.mape), spread(s.hdr_flip), spread(s.flip),
-      estimate(s.bias, s.bias_95, s.suspicious), estimate(s.local_bias, s.local_bias_95), spread(s.product),
+      estimate(s.bias, s.bias_95, percent, " %", s.suspicious), estimate(s.local_bias, s.local_bias_95, digits, ""), spread(s.product),
     ]));
   byId("failed").hidden = results.failures.length === 0;
   byId("failures").replaceChildren(...results.failures.map((message) => make("li", message)));
