@@ -332,11 +332,11 @@ impl Spec {
         // Sets that become alike are one.
         let mut kept: Vec<LightsEntry> = Vec::new();
         for mut entry in self.lights.0 {
-            if let LightsSpec::Virtual(spec) = &mut entry.lights {
-                if spec.count.0 > quick::LIGHTS {
-                    spec.count = LightCount(quick::LIGHTS);
-                    entry.name = format!("{}, here {}", entry.name, quick::LIGHTS);
-                }
+            if let LightsSpec::Virtual(spec) = &mut entry.lights
+                && spec.count.0 > quick::LIGHTS
+            {
+                spec.count = LightCount(quick::LIGHTS);
+                entry.name = format!("{}, here {}", entry.name, quick::LIGHTS);
             }
             if kept.iter().all(|other| other.lights != entry.lights) {
                 kept.push(entry);
