@@ -1,7 +1,7 @@
 //! The point that is lit.
 
 use glam::Vec3;
-use light_tree::Receiver;
+use light_tree::{Lobe, Receiver, luminance};
 use scene::{Brdf, Surface};
 
 /// A point of an eye path where light is gathered.
@@ -37,7 +37,26 @@ impl GatherPoint {
             brdf: surface.brdf,
             strength,
             slot,
-            receiver: Receiver::new(position, surface.ns),
+            receiver: receiver(position, surface, wo),
         }
     }
+}
+
+/// The point as a tree sees it, with its lobe if it has one.
+fn receiver(position: Vec3, surface: &Surface, wo: Vec3) -> Receiver {
+    let (brdf, ns) = (&surface.brdf, surface.ns);
+    let receiver = Receiver::new(position, ns);
+    if !brdf.is_glossy() {
+        return receiver;
+    }
+    let cos_o = ns.dot(wo);
+    let bound = brdf.lobe_bound(cos_o);
+    receiver.with_lobe(Lobe {
+        axis: Brdf::lobe_axis(ns, wo),
+        diffuse: luminance(brdf.diffuse_bound(cos_o)),
+        near: luminance(bound.near),
+        far: luminance(bound.far),
+        far_sin2: bound.far_sin2,
+        alpha2: bound.alpha2[1],
+    })
 }

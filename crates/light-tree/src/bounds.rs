@@ -3,6 +3,7 @@
 use glam::{Mat3A, Vec3, Vec3A};
 
 use crate::cone::Cone;
+use crate::lobe::Lobe;
 use crate::tree::Node;
 
 /// The point that is lit, with what bounds need of it worked out once.
@@ -14,6 +15,8 @@ pub struct Receiver {
     /// Its absolute values: half extents of a box become half extents in the frame.
     frame_abs: Mat3A,
     normal: Vec3A,
+    /// `None` when the point is matte, or nobody asks.
+    lobe: Option<Lobe>,
 }
 
 /// Least and greatest squared distance from a point to a box.
@@ -45,7 +48,21 @@ impl Receiver {
             frame,
             frame_abs,
             normal: normal.into(),
+            lobe: None,
         }
+    }
+
+    /// The same point, which reflects as `lobe` says.
+    pub fn with_lobe(self, lobe: Lobe) -> Self {
+        Self {
+            lobe: Some(lobe),
+            ..self
+        }
+    }
+
+    #[inline]
+    pub(crate) fn lobe(&self) -> Option<&Lobe> {
+        self.lobe.as_ref()
     }
 
     /// Upper bound of cos⁺ of the angle between the normal and the direction to any point of the box;

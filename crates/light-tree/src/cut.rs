@@ -36,7 +36,7 @@ impl Cut {
         receiver: &Receiver,
         size: usize,
     ) {
-        self.grow::<false>(tree, weights.bounds_emission(), receiver, size);
+        self.grow::<false>(tree, weights, receiver, size);
     }
 
     /// As [`refine`](Self::refine), but keeps the clusters that contribute nothing to `receiver`, which count among the
@@ -50,20 +50,20 @@ impl Cut {
         receiver: &Receiver,
         size: usize,
     ) {
-        self.grow::<true>(tree, weights.bounds_emission(), receiver, size);
+        self.grow::<true>(tree, weights, receiver, size);
     }
 
     #[inline]
     fn grow<const KEEP_DARK: bool>(
         &mut self,
         tree: &LightTree,
-        cones: bool,
+        weights: NodeWeights,
         receiver: &Receiver,
         size: usize,
     ) {
         assert!(size >= 1, "a cut has at least one cluster");
         self.entries.clear();
-        self.push::<KEEP_DARK>(tree, cones, receiver, tree.root());
+        self.push::<KEEP_DARK>(tree, weights, receiver, tree.root());
         while self.entries.len() < size {
             let Some((worst, entry)) = self
                 .entries
@@ -78,8 +78,8 @@ impl Cut {
                 return;
             };
             self.entries.swap_remove(worst);
-            self.push::<KEEP_DARK>(tree, cones, receiver, first);
-            self.push::<KEEP_DARK>(tree, cones, receiver, NodeId(first.0 + 1));
+            self.push::<KEEP_DARK>(tree, weights, receiver, first);
+            self.push::<KEEP_DARK>(tree, weights, receiver, NodeId(first.0 + 1));
         }
     }
 
@@ -102,11 +102,11 @@ impl Cut {
     fn push<const KEEP_DARK: bool>(
         &mut self,
         tree: &LightTree,
-        cones: bool,
+        weights: NodeWeights,
         receiver: &Receiver,
         id: NodeId,
     ) {
-        let bound = tree.contribution_bound(cones, receiver, id);
+        let bound = tree.contribution_bound(weights, receiver, id);
         if bound > 0.0 || KEEP_DARK {
             let is_leaf = tree.node(id).light().is_some();
             self.entries.push(Entry {
@@ -126,27 +126,27 @@ impl LightTree {
     /// lights count as that, so that one near light does not claim the whole cut.
     #[inline]
     pub fn bound(&self, weights: NodeWeights, receiver: &Receiver, id: NodeId) -> f32 {
-        self.contribution_bound(weights.bounds_emission(), receiver, id)
+        self.contribution_bound(weights, receiver, id)
     }
 
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ with the nearest distance: 0 only when nothing below can light the receiver.
     #[inline]
-    fn contribution_bound(&self, cones: bool, receiver: &Receiver, id: NodeId) -> f32 {
+    fn contribution_bound(&self, weights: NodeWeights, receiver: &Receiver, id: NodeId) -> f32 {
         let node = self.node(id);
         let mut bound = 0.0;
         if node.has_positions() {
             let seen = receiver.relative(node);
             let d2 = seen.least2();
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2(id));
-            let mut cos = receiver.cos_bound_over(&seen);
-            if cones {
-                cos *= seen.emission_bound(self.cone(id));
+            let mut reflected = weights.reflection(receiver, &seen);
+            if weights.bounds_emission() {
+                reflected *= seen.emission_bound(self.cone(id));
             }
-            if cos > 0.0 {
+            if reflected > 0.0 {
                 let falloff = d2.max(nearest2);
                 // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
                 let value = if falloff > 0.0 {
-                    cos * node.intensity / falloff
+                    reflected * node.intensity / falloff
                 } else {
                     f32::MAX
                 };
@@ -235,7 +235,7 @@ mod tests {
             };
             let floor = f64::from(NEAREST_SHARE * tree.diagonal2).max(f64::from(tree.least_dist2));
             for id in tree.nodes_below(tree.root()) {
-                let bound = f64::from(tree.contribution_bound(true, &receiver(at), id));
+                let bound = f64::from(tree.contribution_bound(NodeWeights::MinMax, &receiver(at), id));
                 // Nearer than the floor a bound counts the floor, by design.
                 let truth: f64 = tree
                     .lights_below(id)

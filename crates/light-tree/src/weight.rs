@@ -1,6 +1,6 @@
 //! How the two children of a node are weighed against each other.
 
-use crate::bounds::Receiver;
+use crate::bounds::{Receiver, RelativeBox};
 use crate::tree::{LightTree, NodeId};
 
 /// The published forms of a node's importance for a receiver.
@@ -16,6 +16,9 @@ pub enum NodeWeights {
     MinMax,
     /// As [`MinMax`](Self::MinMax), where lights point is not looked at.
     MinMaxWithoutCones,
+    /// As [`MinMax`](Self::MinMax), F at a glossy receiver being a bound of BRDF × cosine: lights in the mirror direction
+    /// are found.
+    MinMaxGlossy,
     /// Conty Estevez and Kulla 2018: greatest cosines, at the receiver and at the lights, over the bounding sphere
     /// of a cluster, and the distance of its centre.
     ContyKulla2018,
@@ -23,10 +26,11 @@ pub enum NodeWeights {
 
 impl NodeWeights {
     /// All of them.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self::Yuksel2019,
         Self::MinMax,
         Self::MinMaxWithoutCones,
+        Self::MinMaxGlossy,
         Self::ContyKulla2018,
     ];
 }
@@ -34,7 +38,19 @@ impl NodeWeights {
 impl NodeWeights {
     /// Whether where lights point is looked at, in cuts as well as on the way down.
     pub(crate) fn bounds_emission(self) -> bool {
-        matches!(self, Self::MinMax | Self::ContyKulla2018)
+        matches!(
+            self,
+            Self::MinMax | Self::MinMaxGlossy | Self::ContyKulla2018
+        )
+    }
+
+    /// Greatest reflection of light from the box that is looked at, up to a factor of the receiver.
+    #[inline]
+    pub(crate) fn reflection(self, receiver: &Receiver, seen: &RelativeBox) -> f32 {
+        match self {
+            Self::MinMaxGlossy => receiver.reflection_bound_over(seen),
+            _ => receiver.cos_bound_over(seen),
+        }
     }
 }
 
@@ -52,8 +68,12 @@ impl LightTree {
     ) -> PairWeights {
         match weights {
             NodeWeights::Yuksel2019 => self.weigh_yuksel2019(receiver, first),
-            NodeWeights::MinMax => self.weigh_min_max::<true>(receiver, first),
-            NodeWeights::MinMaxWithoutCones => self.weigh_min_max::<false>(receiver, first),
+            NodeWeights::MinMax | NodeWeights::MinMaxGlossy => {
+                self.weigh_min_max::<true>(weights, receiver, first)
+            }
+            NodeWeights::MinMaxWithoutCones => {
+                self.weigh_min_max::<false>(weights, receiver, first)
+            }
             NodeWeights::ContyKulla2018 => self.weigh_conty_kulla(receiver, first),
         }
     }
@@ -120,7 +140,12 @@ impl LightTree {
     }
 
     #[inline]
-    fn weigh_min_max<const CONES: bool>(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
+    fn weigh_min_max<const CONES: bool>(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        first: NodeId,
+    ) -> PairWeights {
         let pair = self.pair(first);
         let mut lit = [0.0f32; 2];
         let mut least2 = [f32::INFINITY; 2];
@@ -130,7 +155,7 @@ impl LightTree {
                 continue;
             }
             let seen = receiver.relative(node);
-            lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
+            lit[k] = weights.reflection(receiver, &seen) * node.intensity;
             if CONES {
                 lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
             }

@@ -240,6 +240,7 @@ fn settings() -> Vec<MethodSpec> {
     all.extend([
         stochastic(10, Weights::MinMax),
         stochastic(10, Weights::MinMaxWithoutCones),
+        stochastic(10, Weights::MinMaxGlossy),
         stochastic(10, Weights::ContyKulla2018),
         stochastic(1, Weights::MinMax),
         stochastic(100, Weights::Yuksel2019),
