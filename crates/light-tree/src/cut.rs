@@ -235,7 +235,8 @@ mod tests {
             };
             let floor = f64::from(NEAREST_SHARE * tree.diagonal2).max(f64::from(tree.least_dist2));
             for id in tree.nodes_below(tree.root()) {
-                let bound = f64::from(tree.contribution_bound(NodeWeights::MinMax, &receiver(at), id));
+                let bound =
+                    f64::from(tree.contribution_bound(NodeWeights::MinMax, &receiver(at), id));
                 // Nearer than the floor a bound counts the floor, by design.
                 let truth: f64 = tree
                     .lights_below(id)

@@ -346,9 +346,14 @@ mod tests {
     /// A polished floor below two thousand lamps.
     fn polished_floor() -> (Scene, LightSet) {
         let mut mesh = Mesh {
-            positions: [[-5.0, 0.0, -5.0], [-5.0, 0.0, 5.0], [5.0, 0.0, 5.0], [5.0, 0.0, -5.0]]
-                .map(Vec3::from)
-                .to_vec(),
+            positions: [
+                [-5.0, 0.0, -5.0],
+                [-5.0, 0.0, 5.0],
+                [5.0, 0.0, 5.0],
+                [5.0, 0.0, -5.0],
+            ]
+            .map(Vec3::from)
+            .to_vec(),
             ..Mesh::default()
         };
         mesh.indices = vec![[0, 1, 2], [0, 2, 3]];
@@ -362,7 +367,11 @@ mod tests {
         let mut rng = Rng::new(12, 0, 0, sampling::Purpose::Build);
         let mut lights = LightSet::default();
         for _ in 0..2000 {
-            let position = Vec3::new(8.0 * rng.f32() - 4.0, 1.5 + rng.f32(), 8.0 * rng.f32() - 4.0);
+            let position = Vec3::new(
+                8.0 * rng.f32() - 4.0,
+                1.5 + rng.f32(),
+                8.0 * rng.f32() - 4.0,
+            );
             lights.push_point(position, Vec3::splat(0.5 + rng.f32()));
         }
         let scene = Scene {
@@ -410,6 +419,9 @@ mod tests {
         };
         let (blind, seeing) = (variance(Weights::MinMax), variance(Weights::MinMaxGlossy));
         // Nothing is random here but by the seeds above.
-        assert!(seeing < 0.25 * blind, "{seeing} with regard to the lobe, {blind} without");
+        assert!(
+            seeing < 0.25 * blind,
+            "{seeing} with regard to the lobe, {blind} without"
+        );
     }
 }
