@@ -8,7 +8,6 @@ use crate::args::CheckArgs;
 use crate::error::CliError;
 use crate::job::{Job, LightsSpec};
 use crate::machine::{available_memory, human};
-use crate::render::refuse_too_large;
 
 pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
@@ -80,5 +79,5 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
         human(job.memory() + tracer.bytes() as u64)
     ));
     answer.print()?;
-    refuse_too_large(&job)
+    job.refuse_too_large()
 }

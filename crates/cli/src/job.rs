@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use crate::args::JobArgs;
 use crate::error::CliError;
+use crate::machine::{available_memory, human};
 
 /// A run file as written.
 #[derive(Debug, Deserialize)]
@@ -68,6 +69,8 @@ pub(crate) struct VirtualSpec {
     pub(crate) kind: VirtualKind,
     pub(crate) count: LightCount,
     pub(crate) max_bounces: Bounces,
+    /// Seed of the light paths; the run's own when not given.
+    pub(crate) seed: Option<u64>,
 }
 
 impl Default for VirtualSpec {
@@ -76,6 +79,7 @@ impl Default for VirtualSpec {
             kind: VirtualKind::default(),
             count: LightCount(1_000_000),
             max_bounces: Bounces(8),
+            seed: None,
         }
     }
 }
@@ -325,6 +329,23 @@ impl Job {
             LightsSpec::Virtual(v) => v.count.0 as u64,
         };
         u64::from(self.width) * u64::from(self.height) * PIXEL + lights * LIGHT
+    }
+
+    /// Refuses a job that would not fit into memory, before anything large is allocated.
+    pub(crate) fn refuse_too_large(&self) -> Result<(), CliError> {
+        let needed = self.memory();
+        match available_memory() {
+            Some(available) if needed > available => Err(CliError::Input(format!(
+                "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
+                 lower image.width, image.height or lights.count",
+                self.file.display(),
+                self.width,
+                self.height,
+                human(needed),
+                human(available)
+            ))),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -11,6 +11,7 @@ mod job;
 mod machine;
 mod merge;
 mod output;
+mod prepared;
 mod progress;
 mod render;
 mod report;

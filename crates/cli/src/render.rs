@@ -4,24 +4,17 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use film::{Exposure, Image, Picture};
-use gather::{Inputs, Pass, Render, RenderSpec, Shard};
-use light_tree::LightSet;
-use scene::Scene;
-use scene::trace::Tracer;
-use vpl::{VirtualLightSpec, VirtualLightStats};
+use gather::{Pass, Render, Shard};
 
 use crate::args::RenderArgs;
 use crate::error::CliError;
 use crate::interrupt;
-use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
-use crate::machine::{available_memory, human};
+use crate::job::Job;
 use crate::output::Output;
+use crate::prepared::{LoadedScene, Prepared, PreparedLights};
 use crate::progress::Progress;
 use crate::report::{self, Measured, PassError, SetUpSeconds};
 use crate::state::{self, Resumed, Saved, Subject};
-
-/// Neighbours that a virtual light's sphere reaches when no radius is given.
-const RADIUS_NEIGHBOURS: usize = 10;
 
 pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
@@ -34,7 +27,7 @@ pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
 }
 
 fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<(), CliError> {
-    refuse_too_large(job)?;
+    job.refuse_too_large()?;
     let name = arguments.name.as_deref().unwrap_or(&job.name);
     let output = Output::new(&arguments.out, name)?;
     let reference = arguments
@@ -57,24 +50,18 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
             None
         }
     };
-    let mut seconds = SetUpSeconds::default();
-    let prepared = Prepared::new(job, &mut seconds, progress)?;
+    let loaded = LoadedScene::load(&job.scene, progress)?;
+    let lights = PreparedLights::trace(job, &loaded, progress);
+    let prepared = Prepared { loaded, lights };
+    let mut seconds = SetUpSeconds {
+        load: prepared.loaded.load_seconds,
+        bvh: prepared.loaded.bvh_seconds,
+        lights: prepared.lights.seconds,
+        ..SetUpSeconds::default()
+    };
     let shard = arguments.shard.unwrap_or(Shard::ALL);
-    let mut render = Render::new(
-        &prepared.scene,
-        &prepared.tracer,
-        &prepared.inputs,
-        &job.method,
-        RenderSpec {
-            width: job.width,
-            height: job.height,
-            spp: job.spp,
-            seed: job.seed,
-            shape: job.shape(),
-            shard,
-        },
-    );
-    let subject = Subject::of(job, &prepared.scene, shard);
+    let mut render = prepared.render(job, shard);
+    let subject = Subject::of(job, &prepared.loaded.scene, shard);
     let mut passes = Vec::new();
     if let Some(saved) = saved {
         Resumed { render, passes } = saved.resume(&subject, render)?;
@@ -93,7 +80,7 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     let started = Instant::now();
     render.prepare();
     seconds.tree = started.elapsed().as_secs_f64();
-    if let Some(tree) = prepared.inputs.built_tree() {
+    if let Some(tree) = prepared.lights.inputs.built_tree() {
         progress.line(&format!(
             "light tree: {} nodes, depth {}, {:.2} s",
             tree.node_count(),
@@ -151,7 +138,7 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     }
     let started = Instant::now();
     let picture = render.picture();
-    let attributes = report::attributes(job, &prepared.scene, render.spp());
+    let attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
     picture.write_exr(&output.exr, &attributes)?;
     picture.write_png(&output.png, Exposure::Auto)?;
     seconds.write = started.elapsed().as_secs_f64();
@@ -208,100 +195,6 @@ impl Checkpoint {
     fn done(&mut self) {
         self.pause = Self::PAUSE.max(self.begun.elapsed() * 20);
         self.last = Instant::now();
-    }
-}
-
-/// Everything that is made before the first sample.
-pub(crate) struct Prepared {
-    pub(crate) scene: Scene,
-    pub(crate) tracer: Tracer,
-    pub(crate) inputs: Inputs,
-    pub(crate) virtual_lights: VirtualLightStats,
-}
-
-impl Prepared {
-    /// Loads the scene, builds its ray hierarchy and traces virtual lights where the job wants them.
-    pub(crate) fn new(
-        job: &Job,
-        seconds: &mut SetUpSeconds,
-        progress: &Progress,
-    ) -> Result<Self, CliError> {
-        let started = Instant::now();
-        let scene = scene::load::load(&job.scene)?;
-        seconds.load = started.elapsed().as_secs_f64();
-        progress.line(&format!(
-            "{}: {} triangles, {} lights, {:.2} s",
-            job.scene.display(),
-            scene.mesh.len(),
-            scene.emitters.len(),
-            seconds.load
-        ));
-        let started = Instant::now();
-        let tracer = Tracer::build(&scene);
-        seconds.bvh = started.elapsed().as_secs_f64();
-
-        let started = Instant::now();
-        let mut lights = vpl::source_lights(&scene.emitters);
-        let mut virtual_lights = VirtualLightStats::default();
-        if let LightsSpec::Virtual(spec) = job.lights {
-            virtual_lights = add_virtual_lights(job, &spec, &scene, &tracer, &mut lights);
-        }
-        seconds.lights = started.elapsed().as_secs_f64();
-        if lights.virtual_count() > 0 {
-            progress.line(&format!(
-                "{} virtual lights from {} paths, radius {:.3}, {:.2} s",
-                lights.virtual_count(),
-                virtual_lights.paths,
-                lights.radius(),
-                seconds.lights
-            ));
-        }
-        Ok(Self {
-            scene,
-            tracer,
-            inputs: Inputs::new(lights, job.tree.builder.into()),
-            virtual_lights,
-        })
-    }
-}
-
-fn add_virtual_lights(
-    job: &Job,
-    spec: &VirtualSpec,
-    scene: &Scene,
-    tracer: &Tracer,
-    lights: &mut LightSet,
-) -> VirtualLightStats {
-    let trace = VirtualLightSpec {
-        count: spec.count.0,
-        max_bounces: spec.max_bounces.0,
-        seed: job.seed,
-    };
-    let stats = vpl::trace(scene, tracer, &trace, lights);
-    if let VirtualKind::Vsl(vsl) = spec.kind {
-        let radius = vsl.radius.map_or_else(
-            || vpl::neighbour_distance(lights, RADIUS_NEIGHBOURS),
-            |r| r.0,
-        );
-        lights.set_radius(radius);
-    }
-    stats
-}
-
-/// Refuses a job that would not fit into memory, before anything large is allocated.
-pub(crate) fn refuse_too_large(job: &Job) -> Result<(), CliError> {
-    let needed = job.memory();
-    match available_memory() {
-        Some(available) if needed > available => Err(CliError::Input(format!(
-            "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
-             lower image.width, image.height or lights.count",
-            job.file.display(),
-            job.width,
-            job.height,
-            human(needed),
-            human(available)
-        ))),
-        _ => Ok(()),
     }
 }
 

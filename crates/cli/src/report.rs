@@ -13,7 +13,7 @@ use crate::error::CliError;
 use crate::fingerprint::fingerprint;
 use crate::job::Job;
 use crate::machine::peak_resident;
-use crate::render::Prepared;
+use crate::prepared::Prepared;
 
 /// Seconds outside the passes.
 #[derive(Debug, Default, Clone, Copy)]
@@ -113,10 +113,12 @@ pub(crate) fn write(
 ) -> Result<(), CliError> {
     let counters = render.counters();
     let phases = counters.seconds();
-    let scene = &prepared.scene;
+    let scene = &prepared.loaded.scene;
     let notes = &scene.notes;
-    let lights = &prepared.inputs.lights;
-    let tree = prepared.inputs.built_tree();
+    let inputs = &prepared.lights.inputs;
+    let lights = &inputs.lights;
+    let tree = inputs.built_tree();
+    let virtual_lights = &prepared.lights.virtual_lights;
     let plan = Plan::of(scene, lights, tree.is_some());
     let seconds = measured.seconds;
     let report = Report {
@@ -147,7 +149,7 @@ pub(crate) fn write(
         ]),
         rays: BTreeMap::from([
             ("camera", counters.camera_rays),
-            ("bounce", prepared.virtual_lights.rays),
+            ("bounce", virtual_lights.rays),
             ("shadow", counters.shadow_rays),
         ]),
         light_samples: counters.light_samples,
@@ -156,7 +158,7 @@ pub(crate) fn write(
         nonfinite: counters.nonfinite,
         peak_rss_bytes: peak_resident(),
         bytes: BTreeMap::from([
-            ("bvh", prepared.tracer.bytes()),
+            ("bvh", prepared.loaded.tracer.bytes()),
             ("lights", lights.bytes()),
             ("tree", tree.map_or(0, light_tree::LightTree::bytes)),
         ]),
@@ -166,10 +168,10 @@ pub(crate) fn write(
             ("virtual", lights.virtual_count()),
         ]),
         virtual_lights: (lights.virtual_count() > 0).then(|| VirtualLights {
-            paths: prepared.virtual_lights.paths,
+            paths: virtual_lights.paths,
             radius: lights.radius(),
-            source_flux: prepared.virtual_lights.source_flux,
-            virtual_flux: prepared.virtual_lights.virtual_flux,
+            source_flux: virtual_lights.source_flux,
+            virtual_flux: virtual_lights.virtual_flux,
         }),
         tree: tree.map(|t| Tree {
             nodes: t.node_count(),

@@ -1,0 +1,142 @@
+//! What is made before the first sample, in parts that many renders can share.
+
+use std::path::Path;
+use std::time::Instant;
+
+use gather::{Inputs, Render, RenderSpec, Shard};
+use light_tree::LightSet;
+use scene::Scene;
+use scene::trace::Tracer;
+use vpl::{VirtualLightSpec, VirtualLightStats};
+
+use crate::error::CliError;
+use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
+use crate::progress::Progress;
+
+/// Neighbours that a virtual light's sphere reaches when no radius is given.
+const RADIUS_NEIGHBOURS: usize = 10;
+
+/// A scene and its ray hierarchy: the same for all lights, methods and cameras.
+pub(crate) struct LoadedScene {
+    pub(crate) scene: Scene,
+    pub(crate) tracer: Tracer,
+    pub(crate) load_seconds: f64,
+    pub(crate) bvh_seconds: f64,
+}
+
+impl LoadedScene {
+    /// Reads `scene.ron` at `path` and builds the ray hierarchy.
+    ///
+    /// # Errors
+    /// When the scene cannot be used.
+    pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Self, CliError> {
+        let started = Instant::now();
+        let scene = scene::load::load(path)?;
+        let load_seconds = started.elapsed().as_secs_f64();
+        progress.line(&format!(
+            "{}: {} triangles, {} lights, {load_seconds:.2} s",
+            path.display(),
+            scene.mesh.len(),
+            scene.emitters.len(),
+        ));
+        let started = Instant::now();
+        let tracer = Tracer::build(&scene);
+        Ok(Self {
+            scene,
+            tracer,
+            load_seconds,
+            bvh_seconds: started.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+/// The lights in use and what methods build over them: the same for all methods and cameras.
+pub(crate) struct PreparedLights {
+    pub(crate) inputs: Inputs,
+    pub(crate) virtual_lights: VirtualLightStats,
+    pub(crate) seconds: f64,
+}
+
+impl PreparedLights {
+    /// The scene's own lights, and virtual ones where the job wants them.
+    pub(crate) fn trace(job: &Job, loaded: &LoadedScene, progress: &Progress) -> Self {
+        let started = Instant::now();
+        let mut lights = vpl::source_lights(&loaded.scene.emitters);
+        let mut virtual_lights = VirtualLightStats::default();
+        if let LightsSpec::Virtual(spec) = job.lights {
+            virtual_lights = add_virtual_lights(job, &spec, loaded, &mut lights);
+        }
+        let seconds = started.elapsed().as_secs_f64();
+        if lights.virtual_count() > 0 {
+            progress.line(&format!(
+                "{} virtual lights from {} paths, radius {:.3}, {seconds:.2} s",
+                lights.virtual_count(),
+                virtual_lights.paths,
+                lights.radius(),
+            ));
+        }
+        Self {
+            inputs: Inputs::new(lights, job.tree.builder.into()),
+            virtual_lights,
+            seconds,
+        }
+    }
+}
+
+fn add_virtual_lights(
+    job: &Job,
+    spec: &VirtualSpec,
+    loaded: &LoadedScene,
+    lights: &mut LightSet,
+) -> VirtualLightStats {
+    let trace = VirtualLightSpec {
+        count: spec.count.0,
+        max_bounces: spec.max_bounces.0,
+        seed: spec.seed.unwrap_or(job.seed),
+    };
+    let stats = vpl::trace(&loaded.scene, &loaded.tracer, &trace, lights);
+    if let VirtualKind::Vsl(vsl) = spec.kind {
+        let radius = vsl.radius.map_or_else(
+            || vpl::neighbour_distance(lights, RADIUS_NEIGHBOURS),
+            |r| r.0,
+        );
+        lights.set_radius(radius);
+    }
+    stats
+}
+
+/// Everything that one render needs.
+pub(crate) struct Prepared {
+    pub(crate) loaded: LoadedScene,
+    pub(crate) lights: PreparedLights,
+}
+
+impl Prepared {
+    /// A render of `job`, which is of this scene and these lights; nothing of it is done yet.
+    pub(crate) fn render<'a>(&'a self, job: &'a Job, shard: Shard) -> Render<'a> {
+        render(&self.loaded, &self.lights.inputs, job, shard)
+    }
+}
+
+/// A render of `job` with `loaded`'s camera; nothing of it is done yet.
+pub(crate) fn render<'a>(
+    loaded: &'a LoadedScene,
+    inputs: &'a Inputs,
+    job: &'a Job,
+    shard: Shard,
+) -> Render<'a> {
+    Render::new(
+        &loaded.scene,
+        &loaded.tracer,
+        inputs,
+        &job.method,
+        RenderSpec {
+            width: job.width,
+            height: job.height,
+            spp: job.spp,
+            seed: job.seed,
+            shape: job.shape(),
+            shard,
+        },
+    )
+}
