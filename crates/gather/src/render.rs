@@ -300,6 +300,8 @@ struct PassOf<'a, F> {
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
+    /// What is seen without a surface that reflects it, by pixel sample.
+    seen: Vec<(u32, Vec3)>,
     features: Vec<Features>,
     method: S,
 }
@@ -334,6 +336,7 @@ impl<F> PassOf<'_, F> {
         }
         let started = Instant::now();
         scratch.points.clear();
+        scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
         for i in 0..tile.pixels.len() {
             for sample in tile.done..self.until {
@@ -346,12 +349,16 @@ impl<F> PassOf<'_, F> {
         let slots = tile.pixels.len() * samples;
         let lights = &self.inputs.lights;
         let mut queue = ShadowQueue::new(
+            self.scene,
             lights,
             self.tracer,
             self.spec.shape,
             slots,
             &mut scratch.queue,
         );
+        for &(slot, radiance) in &scratch.seen {
+            queue.add_seen(slot, radiance);
+        }
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
         let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
@@ -414,7 +421,20 @@ impl<F> PassOf<'_, F> {
             direction,
             t_max: f32::INFINITY,
         };
-        let Some(hit) = self.tracer.closest(&ray) else {
+        let hit = self.tracer.closest(&ray);
+        if self.scene.has_visible_lights() {
+            let radiance = match &hit {
+                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
+                None => {
+                    let environment = self.scene.environment.as_ref();
+                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
+                }
+            };
+            if radiance != Vec3::ZERO {
+                scratch.seen.push((slot, radiance));
+            }
+        }
+        let Some(hit) = hit else {
             return;
         };
         let surface = self.scene.surface(&hit, direction);

@@ -310,7 +310,7 @@ fn subtree(
 ) -> Top {
     let n = items.len();
     if n == 1 {
-        return leaf(lights, LightId(items[0].id), items[0].intensity);
+        return leaf(lights, LightId(items[0].id));
     }
     let (left, groups) = match groups {
         [others @ .., last] if !others.is_empty() => (n - last, others),
@@ -353,18 +353,16 @@ fn subtree(
     }
 }
 
-fn leaf(lights: &LightSet, id: LightId, scalar: f32) -> Top {
-    let (node, directional) = match lights.bounds(id) {
-        Some((lo, hi)) => (Node::leaf(lo, hi, scalar, id), 0.0),
-        None => {
-            let nowhere = Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id);
-            (nowhere, scalar)
-        }
-    };
+fn leaf(lights: &LightSet, id: LightId) -> Top {
+    let distant = lights.kind(id).is_distant();
     Top {
-        node,
+        node: lights.leaf(id),
         emission: lights.emission(id),
-        directional,
+        directional: if distant {
+            luminance(lights.intensity(id))
+        } else {
+            0.0
+        },
         depth: 0,
     }
 }

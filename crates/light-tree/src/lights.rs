@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use crate::cone::Cone;
 use crate::emission::{Emission, Profile, SLACK};
+use crate::tree::Node;
 
 /// Index of a light in a [`LightSet`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -405,6 +406,15 @@ impl LightSet {
                 Some((area.lo, area.hi))
             }
             LightKind::Directional | LightKind::Environment => None,
+        }
+    }
+
+    /// The leaf that a tree has for the light.
+    pub fn leaf(&self, id: LightId) -> Node {
+        let scalar = luminance(self.intensity(id));
+        match self.bounds(id) {
+            Some((lo, hi)) => Node::leaf(lo, hi, scalar, id),
+            None => Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id),
         }
     }
 

@@ -55,6 +55,7 @@ pub struct EmitterPoint {
     normal: Vec3,
     /// How far off the triangle rays start.
     offset: f32,
+    area: f32,
 }
 
 impl EmitterPoint {
@@ -69,6 +70,12 @@ impl EmitterPoint {
         } else {
             None
         }
+    }
+
+    /// Area of the triangle, scene unit².
+    #[inline]
+    pub fn area(&self) -> f32 {
+        self.area
     }
 
     /// Unit normal to one of the sides.
@@ -128,9 +135,12 @@ impl Scene {
     pub fn emitter_point(&self, t: usize, u: f32, v: f32) -> EmitterPoint {
         let [a, b, c] = self.mesh.corners(t);
         let normal = (b - a).as_dvec3().cross((c - a).as_dvec3());
+        let twice_area = normal.length();
         EmitterPoint {
             position: a * (1.0 - u - v) + b * u + c * v,
-            normal: normal.normalize_or_zero().as_vec3(),
+            // No triangle is degenerate: only one that underflows has no normal, and emits nothing.
+            normal: (normal / twice_area.max(f64::MIN_POSITIVE)).as_vec3(),
+            area: (0.5 * twice_area) as f32,
             offset: self.ray_offset(t),
         }
     }

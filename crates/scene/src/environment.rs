@@ -183,7 +183,11 @@ impl Environment {
         EnvironmentSample {
             direction: direction(azimuth, height),
             // Not a number only where sums of doubles cannot tell the texel from black.
-            power: if pmf > 0.0 { power.as_vec3() } else { Vec3::ZERO },
+            power: if pmf > 0.0 {
+                power.as_vec3()
+            } else {
+                Vec3::ZERO
+            },
         }
     }
 
@@ -367,15 +371,25 @@ mod tests {
                     mean += drawn.power.as_dvec3() / 64.0;
                 }
                 let exact = cell.irradiance.as_dvec3();
-                assert!(mean.distance(exact) < 0.02 * exact.length(), "{mean}, {exact}");
+                assert!(
+                    mean.distance(exact) < 0.02 * exact.length(),
+                    "{mean}, {exact}"
+                );
             }
             let [width, height] = environment.size();
             let mut exact = DVec3::ZERO;
             for (i, texel) in environment.texels().iter().enumerate() {
                 exact += texel.as_dvec3() * solid_angle(width, height, i / width);
             }
-            assert!(sum.distance(exact) < 1e-5 * exact.length(), "{sum}, {exact}");
-            assert!(environment.cells().len() > CELLS / 2, "{}", environment.cells().len());
+            assert!(
+                sum.distance(exact) < 1e-5 * exact.length(),
+                "{sum}, {exact}"
+            );
+            assert!(
+                environment.cells().len() > CELLS / 2,
+                "{}",
+                environment.cells().len()
+            );
         }
     }
 
@@ -383,7 +397,10 @@ mod tests {
     fn a_constant_environment_has_four_pi_of_it_from_all_directions_alike() {
         let environment = Environment::constant(Vec3::new(1.0, 2.0, 3.0)).expect("lit");
         let total = environment.total();
-        assert!((total / (8.0 * std::f64::consts::PI) - 1.0).abs() < 1e-9, "{total}");
+        assert!(
+            (total / (8.0 * std::f64::consts::PI) - 1.0).abs() < 1e-9,
+            "{total}"
+        );
         let mut rng = Rng::new(3, 0, 0, Purpose::Build);
         for _ in 0..100 {
             let direction = uniform_sphere([rng.f32(), rng.f32()]);
@@ -393,10 +410,16 @@ mod tests {
         // Octants get equal shares: 5 sigma of 8000 draws.
         let mut counts = [0; 8];
         for _ in 0..8000 {
-            let d = environment.sample(rng.f64(), [rng.f32(), rng.f32()]).direction;
-            counts[(usize::from(d.x > 0.0) * 2 + usize::from(d.y > 0.0)) * 2 + usize::from(d.z > 0.0)] += 1;
+            let d = environment
+                .sample(rng.f64(), [rng.f32(), rng.f32()])
+                .direction;
+            counts[(usize::from(d.x > 0.0) * 2 + usize::from(d.y > 0.0)) * 2
+                + usize::from(d.z > 0.0)] += 1;
         }
-        assert!(counts.iter().all(|c| i32::abs(c - 1000) < 150), "{counts:?}");
+        assert!(
+            counts.iter().all(|c| i32::abs(c - 1000) < 150),
+            "{counts:?}"
+        );
     }
 
     #[test]

@@ -105,7 +105,9 @@ fn mean(scene: &Scene, t: usize, steps: u32) -> Vec3 {
             sum += scene.emitted(t, u + third, v + third).as_dvec3();
             // The part that points the other way.
             if i + j + 1 < steps {
-                sum += scene.emitted(t, u + 2.0 * third, v + 2.0 * third).as_dvec3();
+                sum += scene
+                    .emitted(t, u + 2.0 * third, v + 2.0 * third)
+                    .as_dvec3();
             }
         }
     }

@@ -56,7 +56,11 @@ fn decode(bytes: Vec<u8>, scale: f32) -> Result<Option<Environment>, String> {
     let mut texels = Vec::with_capacity(width as usize * height as usize);
     for (x, y, pixel) in image.enumerate_pixels() {
         let stored = Vec3::from_array(pixel.0);
-        let radiance = if linear { stored } else { stored.map(srgb_to_linear) } * scale;
+        let radiance = if linear {
+            stored
+        } else {
+            stored.map(srgb_to_linear)
+        } * scale;
         if !radiance.is_finite() || radiance.min_element() < 0.0 {
             return Err(format!(
                 "found {:?} at x = {x}, y = {y}; expected finite radiance that is not negative",
