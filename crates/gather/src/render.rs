@@ -18,6 +18,7 @@ use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
+use crate::tile_points::TilePoints;
 
 /// What is rendered and how, apart from scene and lights.
 #[derive(Debug, Clone)]
@@ -359,6 +360,18 @@ impl<F> PassOf<'_, F> {
         for &(slot, radiance) in &scratch.seen {
             queue.add_seen(slot, radiance);
         }
+        let stream = |slot: u32, purpose| {
+            let pixel = self.pixel_index(tile, slot as usize / samples);
+            let sample = tile.done + slot % samples as u32;
+            Rng::new(self.spec.seed, pixel, u64::from(sample), purpose)
+        };
+        let handed = TilePoints {
+            points: &scratch.points,
+            width: tile.width,
+            samples: samples as u32,
+            stream: &stream,
+        };
+        method.begin_tile(&handed, &mut scratch.method);
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
         let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
@@ -366,11 +379,8 @@ impl<F> PassOf<'_, F> {
             if self.stop.load(Ordering::Relaxed) {
                 return; // nothing of this tile is kept
             }
-            let pixel = self.pixel_index(tile, pixel_of(&xs[0]));
-            let sample = tile.done + xs[0].slot % samples as u32;
-            let stream = |purpose| Rng::new(self.spec.seed, pixel, u64::from(sample), purpose);
-            let rng = &mut stream(Purpose::Lights);
-            queue.begin_points(xs.len(), stream(Purpose::LightSurface));
+            let rng = &mut stream(xs[0].slot, Purpose::Lights);
+            queue.begin_points(xs.len(), stream(xs[0].slot, Purpose::LightSurface));
             match xs {
                 [x] => method.point(x, &mut queue, rng, &mut scratch.method),
                 xs => method.pixel(xs, &mut queue, rng, &mut scratch.method),
