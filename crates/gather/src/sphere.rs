@@ -115,6 +115,7 @@ fn estimate(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use light_tree::{LightId, LightSet, Receiver, VirtualLight};
     use rayon::prelude::*;
     use sampling::{Purpose, uniform_cone};
@@ -159,7 +160,7 @@ mod tests {
         radius: f32,
         normal: Vec3,
         sender: Option<&GlossySender>,
-    ) -> [f64; 3] {
+    ) -> DVec3 {
         let (d2, r2) = (
             f64::from(offset.length_squared()),
             f64::from(radius).powi(2),
@@ -168,10 +169,10 @@ mod tests {
         let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
         let frame = sampling::Frame::around(offset.normalize());
         let steps = 1000_u32;
-        let sums: Vec<[f64; 3]> = (0..steps)
+        let sums: Vec<DVec3> = (0..steps)
             .into_par_iter()
             .map(|i| {
-                let mut sum = [0.0; 3];
+                let mut sum = DVec3::ZERO;
                 for j in 0..steps {
                     let u = [i, j].map(|k| (k as f32 + 0.5) / steps as f32);
                     let w = frame.to_world(uniform_cone(one_minus_cos as f32, u));
@@ -179,9 +180,7 @@ mod tests {
                     if cos_x > 0.0 && cos_l > 0.0 {
                         let emitted = sender.map_or(Vec3::ONE, |s| s.emitted(-w));
                         let f = x.brdf.eval(x.ns, x.wo, w) * emitted;
-                        for c in 0..3 {
-                            sum[c] += f64::from(f[c]) * f64::from(cos_x) * f64::from(cos_l);
-                        }
+                        sum += f.as_dvec3() * (f64::from(cos_x) * f64::from(cos_l));
                     }
                 }
                 sum
@@ -189,13 +188,7 @@ mod tests {
             .collect();
         // Solid angle over πr².
         let per_area = 2.0 * one_minus_cos / r2 / f64::from(steps).powi(2);
-        let mut total = [0.0; 3];
-        for sum in sums {
-            for c in 0..3 {
-                total[c] += sum[c] * per_area;
-            }
-        }
-        total
+        sums.into_iter().sum::<DVec3>() * per_area
     }
 
     /// Means of many estimates and their standard errors.
@@ -205,30 +198,31 @@ mod tests {
         radius: f32,
         normal: Vec3,
         sender: Option<&GlossySender>,
-    ) -> ([f64; 3], [f64; 3]) {
+    ) -> (DVec3, DVec3) {
         let chunks = 64;
         let each = 20_000;
         let cone = Subtended::new(offset, radius, x.ns);
-        let sums: Vec<[f64; 6]> = (0..chunks)
+        let sums: Vec<[DVec3; 2]> = (0..chunks)
             .into_par_iter()
             .map(|chunk| {
                 let mut rng = Rng::new(31, chunk, 0, Purpose::LightSurface);
-                let mut sums = [0.0; 6];
+                let mut sums = [DVec3::ZERO; 2];
                 for _ in 0..each {
                     let value = sphere(&cone, x, normal, sender, &mut rng).as_dvec3();
-                    for c in 0..3 {
-                        sums[c] += value[c];
-                        sums[3 + c] += value[c] * value[c];
-                    }
+                    sums[0] += value;
+                    sums[1] += value * value;
                 }
                 sums
             })
             .collect();
         let n = (chunks * each) as f64;
-        let total = |c: usize| sums.iter().map(|s| s[c]).sum::<f64>() / n;
-        let mean = [0, 1, 2].map(total);
-        let error = [0, 1, 2].map(|c| ((total(3 + c) - mean[c] * mean[c]).max(0.0) / n).sqrt());
-        (mean, error)
+        let mean = sums.iter().map(|s| s[0]).sum::<DVec3>() / n;
+        let square = sums.iter().map(|s| s[1]).sum::<DVec3>() / n;
+        let variance = (square - mean * mean).max(DVec3::ZERO) / n;
+        (
+            mean,
+            DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()),
+        )
     }
 
     #[test]

@@ -8,22 +8,20 @@
 
 use glam::{Vec3, Vec3A};
 
-use crate::bounds::{
-    Receiver, RelativeBox, signed_cos_toward, widened_by, widened_cos, widened_signed_cos,
-};
+use crate::bounds::{Receiver, RelativeBox, signed_cos_toward, widened_by, widened_signed_cos};
 use crate::cone::Cone;
 use crate::tree::{LightTree, NodeId};
 
 /// How the light of a cluster of one kind falls off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Falloff {
-    /// Omni lights: inverse square, without limit.
+    /// Omni and spot lights and the points of triangles: inverse square, without limit.
     Point,
     /// Virtual lights as points with cosine emission: inverse square.
     VirtualPoint,
     /// Virtual lights as spheres of radii up to this, ≥ 0, in scene units; dark where their centre is below a horizon.
     Sphere(f32),
-    /// Parallel light.
+    /// Distant light.
     None,
 }
 
@@ -118,8 +116,9 @@ impl Receivers {
     /// Bounds what any light below node `id` of `tree` sends to any of the points. All lights there must be of
     /// the kind that `falloff` is about.
     pub fn bound(&self, tree: &LightTree, id: NodeId, falloff: Falloff) -> ClusterBound {
-        let cone = tree.cone(id);
+        let emission = tree.emission(id);
         if falloff == Falloff::None {
+            let cone = emission.cone;
             let cos = self.normals.cos_against(cone).max(0.0);
             if cos == 0.0 {
                 return ClusterBound::DARK;
@@ -143,15 +142,12 @@ impl Receivers {
         }
         let lobe_cos = self.mirrors.map_or(-1.0, |m| m.cos_over(&seen));
         let dist2 = seen.least2();
-        if falloff == Falloff::Point {
-            return ClusterBound {
-                emitted: 1.0,
-                falloff: 1.0 / dist2,
-                cos,
-                lobe_cos,
-            };
-        }
-        let emitted = emission_bound(&seen, cone);
+        let emitted = if emission.is_wide() {
+            1.0
+        } else {
+            let mirrored = seen.mirrored();
+            emission.bound(|axis| signed_cos_toward(axis, &mirrored))
+        };
         if emitted == 0.0 {
             return ClusterBound::DARK;
         }
@@ -176,14 +172,6 @@ impl Receivers {
             },
         }
     }
-}
-
-/// Upper bound of cos⁺ between an emission axis in `cone` and the direction back from a point of the box.
-fn emission_bound(seen: &RelativeBox, cone: Cone) -> f32 {
-    if cone.cos <= 0.0 {
-        return 1.0;
-    }
-    widened_cos(signed_cos_toward(cone.axis, &seen.mirrored()), cone.cos)
 }
 
 /// The sphere of a virtual light that is as near as the box allows, of any radius between two.

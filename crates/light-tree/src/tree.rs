@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
+use crate::emission::{Emission, Profile};
 use crate::lights::{LightId, LightKind, LightSet, luminance};
 
 /// Index of a node in a [`LightTree`].
@@ -88,6 +89,8 @@ pub struct LightTree {
     pub(crate) pairs: Vec<Pair>,
     /// One per node: emission axes, or travel directions, of the lights below. Empty when all lights are omni.
     pub(crate) cones: Vec<Cone>,
+    /// One per node: what the cones say. Empty when it is the same for all, [`Profile::Cosine`].
+    pub(crate) profiles: Vec<Profile>,
     /// ‖Iᴰ‖ per node: sum over the lights without falloff. Empty when there is none.
     pub(crate) directional: Vec<f32>,
     pub(crate) lights: usize,
@@ -106,7 +109,7 @@ impl LightTree {
     /// # Panics
     /// When there are more than about a billion lights.
     pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        let tree = build::build(lights, builder, build::Apart::Directional)?;
+        let tree = build::build(lights, builder, build::Apart::Distant)?;
         Some(tree.with_radii(lights))
     }
 
@@ -196,6 +199,19 @@ impl LightTree {
             .unwrap_or(Cone::SPHERE)
     }
 
+    /// Where the lights below shine, or travel.
+    #[inline]
+    pub fn emission(&self, id: NodeId) -> Emission {
+        Emission {
+            cone: self.cone(id),
+            profile: self
+                .profiles
+                .get(id.0 as usize)
+                .copied()
+                .unwrap_or_default(),
+        }
+    }
+
     /// ‖Iᴰ‖: sum of the scalar irradiances of the lights below that do not fall off.
     #[inline]
     pub fn directional_intensity(&self, id: NodeId) -> f32 {
@@ -229,6 +245,7 @@ impl LightTree {
     pub fn bytes(&self) -> usize {
         self.pairs.len() * size_of::<Pair>()
             + self.cones.len() * size_of::<Cone>()
+            + self.profiles.len() * size_of::<Profile>()
             + (self.directional.len() + self.least_dist2_below.len()) * size_of::<f32>()
     }
 
@@ -283,7 +300,7 @@ impl LightTree {
             ));
         }
         for child in [first, NodeId(first.0 + 1)] {
-            if !self.cone(id).holds(&self.cone(child)) {
+            if !self.emission(id).holds(&self.emission(child)) {
                 return Err(format!(
                     "cone of node {} does not hold that of child {}",
                     id.0, child.0
@@ -296,16 +313,20 @@ impl LightTree {
     fn validate_leaf(&self, id: NodeId, light: LightId, lights: &LightSet) -> Result<(), String> {
         let node = self.node(id);
         let scalar = luminance(lights.intensity(light));
-        let (positional, directional) = match lights.kind(light) {
-            LightKind::Directional => (0.0, scalar),
-            LightKind::Omni | LightKind::Virtual => (scalar, 0.0),
+        let distant = lights.kind(light).is_distant();
+        let (positional, directional) = if distant {
+            (0.0, scalar)
+        } else {
+            (scalar, 0.0)
         };
-        let p = lights.position(light);
-        let at_light = node.lo == p && node.hi == p;
-        if (at_light || lights.kind(light) == LightKind::Directional)
+        let at_light = match lights.bounds(light) {
+            Some(bounds) => (node.lo, node.hi) == bounds,
+            None => !node.has_positions(),
+        };
+        if at_light
             && node.intensity == positional
             && self.directional_intensity(id) == directional
-            && self.cone(id) == Cone::of(lights.axis(light))
+            && self.emission(id) == lights.emission(light)
         {
             Ok(())
         } else {

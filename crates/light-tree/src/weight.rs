@@ -157,7 +157,7 @@ impl LightTree {
             let seen = receiver.relative(node);
             lit[k] = weights.reflection(receiver, &seen) * node.intensity;
             if CONES {
-                lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
+                lit[k] *= seen.emission_bound(self.emission(NodeId(first.0 + k as u32)));
             }
             let range = seen.distances();
             let floor2 = self.least_dist2(NodeId(first.0 + k as u32));

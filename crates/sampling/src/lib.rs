@@ -13,4 +13,6 @@ pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use ggx::{ggx_density, ggx_reflected, ggx_visibility, ggx_visible_normal};
 pub use rng::{Purpose, Rng};
-pub use warp::{Frame, cosine_hemisphere, uniform_cone, uniform_sphere};
+pub use warp::{
+    Frame, cosine_hemisphere, uniform_cone, uniform_disc, uniform_sphere, uniform_triangle,
+};

@@ -32,6 +32,8 @@ pub struct Material {
     pub normal_map: Option<TextureId>,
     /// `Ke`, emitted radiance, W/sr/m², finite and not negative.
     pub emission: Vec3,
+    /// `map_Ke`; multiplies `emission`.
+    pub emission_map: Option<TextureId>,
     /// `d`, in [0, 1]; below ½ the surface is not there.
     pub opacity: f32,
     /// `map_d`: where its value times `opacity` is below ½ the surface is not there.
@@ -89,6 +91,7 @@ impl Default for Material {
             metallic: None,
             normal_map: None,
             emission: Vec3::ZERO,
+            emission_map: None,
             opacity: 1.0,
             opacity_map: None,
         }

@@ -325,6 +325,7 @@ mod tests {
         });
         let count = 10_000;
         let estimates = Estimates {
+            scene: &scene,
             inputs: &inputs,
             tracer: &tracer,
             x: tilted,
@@ -405,6 +406,7 @@ mod tests {
                 let direction = Vec3::new(0.6, -0.2 - 0.2 * k as f32, 0.3).normalize();
                 let surface = scene.surface(&hit, direction);
                 let estimates = Estimates {
+                    scene: &scene,
                     inputs: &inputs,
                     tracer: &tracer,
                     x: GatherPoint::new(&surface, -direction, Vec3::ONE, 0),

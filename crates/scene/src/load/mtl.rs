@@ -87,6 +87,7 @@ pub(super) fn read(
         };
         let (diffuse_map, opacity_map) = (map("map_Kd"), map("map_d"));
         let normal_map = map("norm").or_else(|| map("map_Bump"));
+        let emission_map = map("map_Ke");
         // MTL has no default; a map alone is meant to be seen as it is.
         let missing_diffuse = Vec3::splat(if diffuse_map.is_some() { 1.0 } else { 0.0 });
         if material.diffuse.is_none() {
@@ -107,6 +108,7 @@ pub(super) fn read(
             diffuse: material.diffuse.map_or(missing_diffuse, Vec3::from),
             specular: material.specular.map_or(Vec3::ZERO, Vec3::from),
             emission: material.emissive.map_or(Vec3::ZERO, Vec3::from),
+            emission_map,
             diffuse_map,
             opacity_map,
             name: material.name,
@@ -235,10 +237,11 @@ fn check(
                 }
                 writeln(&mut out.plain, key, &number.to_string());
             }
-            "map_Kd" | "map_d" | "norm" | "map_Bump" | "bump" => {
+            "map_Kd" | "map_d" | "map_Ke" | "norm" | "map_Bump" | "bump" => {
                 let key = match key {
                     "map_d" => "map_d",
                     "map_Kd" => "map_Kd",
+                    "map_Ke" => "map_Ke",
                     "norm" => "norm",
                     _ => "map_Bump",
                 };
@@ -272,8 +275,8 @@ fn check(
 /// The usual spelling of the keys that are read, in whatever case they come.
 fn canonical(key: &str) -> &str {
     let known = [
-        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "Pr", "Pm", "map_Kd", "map_d", "norm",
-        "map_Bump", "bump", "illum", "Ka",
+        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "Pr", "Pm", "map_Kd", "map_d", "map_Ke",
+        "norm", "map_Bump", "bump", "illum", "Ka",
     ];
     let same = |known: &&&str| known.eq_ignore_ascii_case(key);
     known.iter().find(same).copied().unwrap_or(key)
