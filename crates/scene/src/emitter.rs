@@ -13,3 +13,18 @@ pub enum Emitter {
         intensity: Vec3,
     },
 }
+
+impl Emitter {
+    /// The light, moved by `offset` (scene units, finite).
+    pub fn moved_by(self, offset: Vec3) -> Self {
+        match self {
+            Self::Point {
+                position,
+                intensity,
+            } => Self::Point {
+                position: position + offset,
+                intensity,
+            },
+        }
+    }
+}
