@@ -16,6 +16,7 @@ use crate::Inputs;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
+use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
 
@@ -32,6 +33,8 @@ pub struct RenderSpec {
     pub seed: u64,
     /// How virtual lights shine.
     pub shape: VirtualShape,
+    /// Which light paths are followed.
+    pub integrator: Integrator,
     /// Which part of the picture; all of it by default.
     pub shard: Shard,
 }
@@ -338,10 +341,11 @@ impl<F> PassOf<'_, F> {
         scratch.points.clear();
         scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
+        let mut bounce_rays = 0;
         for i in 0..tile.pixels.len() {
             for sample in tile.done..self.until {
                 let slot = i * samples + (sample - tile.done) as usize;
-                self.eye_path(tile, i, sample, slot as u32, scratch);
+                bounce_rays += self.eye_path(tile, i, sample, slot as u32, scratch);
             }
         }
         let eye = started.elapsed();
@@ -368,7 +372,9 @@ impl<F> PassOf<'_, F> {
             }
             let pixel = self.pixel_index(tile, pixel_of(&xs[0]));
             let sample = tile.done + xs[0].slot % samples as u32;
-            let stream = |purpose| Rng::new(self.spec.seed, pixel, u64::from(sample), purpose);
+            // Every vertex of a path has streams of its own.
+            let number = u64::from(xs[0].bounce) << 32 | u64::from(sample);
+            let stream = |purpose| Rng::new(self.spec.seed, pixel, number, purpose);
             let rng = &mut stream(Purpose::Lights);
             queue.begin_points(xs.len(), stream(Purpose::LightSurface));
             match xs {
@@ -389,6 +395,7 @@ impl<F> PassOf<'_, F> {
         tile.done = self.until;
         tile.counters.merge(&counters);
         tile.counters.camera_rays += slots as u64;
+        tile.counters.bounce_rays += bounce_rays;
         tile.counters.nanoseconds[Phase::Eye as usize] += eye.as_nanos() as u64;
     }
 
@@ -401,8 +408,16 @@ impl<F> PassOf<'_, F> {
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
     }
 
-    /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
-    fn eye_path<S>(&self, tile: &Tile, i: usize, sample: u32, slot: u32, scratch: &mut Scratch<S>) {
+    /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the
+    /// number of rays behind the first.
+    fn eye_path<S>(
+        &self,
+        tile: &Tile,
+        i: usize,
+        sample: u32,
+        slot: u32,
+        scratch: &mut Scratch<S>,
+    ) -> u64 {
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
@@ -423,19 +438,13 @@ impl<F> PassOf<'_, F> {
         };
         let hit = self.tracer.closest(&ray);
         if self.scene.has_visible_lights() {
-            let radiance = match &hit {
-                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
-                None => {
-                    let environment = self.scene.environment.as_ref();
-                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
-                }
-            };
+            let radiance = seen(self.scene, direction, hit.as_ref());
             if radiance != Vec3::ZERO {
                 scratch.seen.push((slot, radiance));
             }
         }
         let Some(hit) = hit else {
-            return;
+            return 0;
         };
         let surface = self.scene.surface(&hit, direction);
         let features = &mut scratch.features[i];
@@ -443,11 +452,25 @@ impl<F> PassOf<'_, F> {
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        scratch
-            .points
-            .push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
+        let first = GatherPoint::new(&surface, -direction, Vec3::ONE, slot);
+        match self.spec.integrator {
+            Integrator::Direct => {
+                scratch.points.push(first);
+                0
+            }
+            Integrator::Path { max_bounces } => {
+                let walk = Walk {
+                    scene: self.scene,
+                    tracer: self.tracer,
+                    max_bounces,
+                };
+                walk.follow(first, &mut rng, &mut scratch.points, &mut scratch.seen)
+            }
+        }
     }
 }
 
+#[cfg(test)]
+mod analytic;
 #[cfg(test)]
 mod tests;
