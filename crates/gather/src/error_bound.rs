@@ -57,6 +57,11 @@ impl Reflection {
         self.specular != Vec3::ZERO
     }
 
+    /// Greatest BRDF value for any direction, of any channel.
+    pub(crate) fn greatest(&self) -> f32 {
+        self.value(1.0).max_element()
+    }
+
     /// Greatest BRDF value for directions that the lobe's axis sees under cosines up to `lobe_cos`.
     fn value(&self, lobe_cos: f32) -> Vec3 {
         if self.is_glossy() {
@@ -264,18 +269,6 @@ mod tests {
         })
     }
 
-    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
-        let mut found = Vec::new();
-        let mut stack = vec![root];
-        while let Some(id) = stack.pop() {
-            found.extend(tree.node(id).light());
-            if let Some(first) = tree.node(id).first_child() {
-                stack.extend([first, NodeId(first.0 + 1)]);
-            }
-        }
-        found
-    }
-
     #[test]
     fn no_light_of_a_cluster_exceeds_its_bound() {
         let mut lit = 0;
@@ -300,12 +293,12 @@ mod tests {
             };
             let (at, reflection) = (x.receivers(), Reflection::of(&x.brdf));
             let mut rng = Rng::new(u.arbitrary()?, 0, 0, Purpose::LightSurface);
-            let mut stack = representatives.roots().to_vec();
-            while let Some(id) = stack.pop() {
+            let roots = representatives.roots().iter();
+            for id in roots.flat_map(|root| tree.nodes_below(*root)) {
                 let bound = clusters.bound(&at, &reflection, Vec3::ONE, id);
                 assert!(bound >= 0.0, "bound {bound}");
-                let truth: f64 = lights_below(&tree, id)
-                    .into_iter()
+                let truth: f64 = tree
+                    .lights_below(id)
                     .filter_map(|l| unoccluded(&scene, &lights, shape, &x, l, &mut rng))
                     .map(|l| f64::from(luminance(l.radiance)))
                     .sum();
@@ -317,9 +310,6 @@ mod tests {
                     "node {}: bound {bound}, truth {truth}, {shape:?}, {x:?}",
                     id.0
                 );
-                if let Some(first) = tree.node(id).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
-                }
             }
             Ok(())
         });
@@ -372,14 +362,14 @@ mod tests {
                 };
             }
             assert_eq!(below[root.index()].len(), points.len(), "all points");
-            let mut stack = representatives.roots().to_vec();
-            while let Some(light) = stack.pop() {
+            let roots = representatives.roots().iter();
+            for light in roots.flat_map(|root| tree.nodes_below(*root)) {
                 for g in gather.ids() {
                     let node = gather.node(g);
                     let strength = node.strength.as_vec3();
                     let bound = clusters.bound(&node.receivers, &node.reflection, strength, light);
                     let mut truth = 0.0;
-                    for l in lights_below(&tree, light) {
+                    for l in tree.lights_below(light) {
                         for x in below[g.index()].iter().map(|i| &points[*i]) {
                             truth += unoccluded(&scene, &lights, shape, x, l, &mut rng)
                                 .map_or(0.0, |l| f64::from(luminance(l.radiance * x.strength)));
@@ -391,9 +381,6 @@ mod tests {
                         "node {}: bound {bound}, truth {truth}, {shape:?}, {points:?}",
                         light.0
                     );
-                }
-                if let Some(first) = tree.node(light).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
                 }
             }
             Ok(())

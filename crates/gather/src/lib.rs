@@ -15,6 +15,7 @@ mod plan;
 mod point;
 mod render;
 mod shadow_queue;
+mod tile_points;
 mod vsl;
 mod weight;
 
@@ -26,10 +27,13 @@ pub use plan::{BOUNCES, Plan};
 pub use point::GatherPoint;
 pub use render::{Pass, Render, RenderSpec, Shard};
 pub use shadow_queue::{LightEval, ShadowQueue};
+pub use tile_points::TilePoints;
 
 use std::sync::OnceLock;
 
-use light_tree::{EnergyVariance, LightKind, LightSet, LightTree, Representatives, TreeBuilder};
+use light_tree::{
+    EnergyVariance, LightKind, LightOrder, LightSet, LightTree, Representatives, TreeBuilder,
+};
 
 /// A tree for methods that let one light stand for others of its kind.
 #[derive(Debug)]
@@ -47,6 +51,7 @@ pub struct Inputs {
     builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
     clusters: OnceLock<Option<Clusters>>,
+    light_order: OnceLock<Option<LightOrder>>,
     energy_variance: OnceLock<Option<EnergyVariance>>,
 }
 
@@ -58,6 +63,7 @@ impl Inputs {
             builder,
             tree: OnceLock::new(),
             clusters: OnceLock::new(),
+            light_order: OnceLock::new(),
             energy_variance: OnceLock::new(),
         }
     }
@@ -82,6 +88,12 @@ impl Inputs {
         let clusters = self.clusters.get_or_init(|| self.choose()).as_ref()?;
         let tree = clusters.tree.as_ref().or_else(|| self.built_tree())?;
         Some((tree, &clusters.representatives))
+    }
+
+    /// The lights in the order of the tree of [`clusters`](Self::clusters); `None` when there is no light.
+    pub fn light_order(&self) -> Option<&LightOrder> {
+        let order = || Some(LightOrder::of(self.clusters()?.0, &self.lights));
+        self.light_order.get_or_init(order).as_ref()
     }
 
     fn choose(&self) -> Option<Clusters> {

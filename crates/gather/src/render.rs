@@ -19,6 +19,7 @@ use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
+use crate::tile_points::TilePoints;
 
 /// What is rendered and how, apart from scene and lights.
 #[derive(Debug, Clone)]
@@ -363,6 +364,21 @@ impl<F> PassOf<'_, F> {
         for &(slot, radiance) in &scratch.seen {
             queue.add_seen(slot, radiance);
         }
+        // Every vertex of a path has streams of its own.
+        let vertex_stream = |slot: u32, bounce: u32, purpose| {
+            let pixel = self.pixel_index(tile, slot as usize / samples);
+            let sample = tile.done + slot % samples as u32;
+            let number = u64::from(bounce) << 32 | u64::from(sample);
+            Rng::new(self.spec.seed, pixel, number, purpose)
+        };
+        let stream = |slot: u32, purpose| vertex_stream(slot, 0, purpose);
+        let handed = TilePoints {
+            points: &scratch.points,
+            width: tile.width,
+            samples: samples as u32,
+            stream: &stream,
+        };
+        method.begin_tile(&handed, &mut scratch.method);
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
         let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
@@ -370,13 +386,9 @@ impl<F> PassOf<'_, F> {
             if self.stop.load(Ordering::Relaxed) {
                 return; // nothing of this tile is kept
             }
-            let pixel = self.pixel_index(tile, pixel_of(&xs[0]));
-            let sample = tile.done + xs[0].slot % samples as u32;
-            // Every vertex of a path has streams of its own.
-            let number = u64::from(xs[0].bounce) << 32 | u64::from(sample);
-            let stream = |purpose| Rng::new(self.spec.seed, pixel, number, purpose);
-            let rng = &mut stream(Purpose::Lights);
-            queue.begin_points(xs.len(), stream(Purpose::LightSurface));
+            let of_vertex = |purpose| vertex_stream(xs[0].slot, xs[0].bounce, purpose);
+            let rng = &mut of_vertex(Purpose::Lights);
+            queue.begin_points(xs.len(), of_vertex(Purpose::LightSurface));
             match xs {
                 [x] => method.point(x, &mut queue, rng, &mut scratch.method),
                 xs => method.pixel(xs, &mut queue, rng, &mut scratch.method),

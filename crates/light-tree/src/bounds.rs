@@ -362,6 +362,30 @@ mod tests {
     }
 
     #[test]
+    fn cones_about_a_right_angle_hide_no_light_on_their_rim() {
+        let light = boxed(Vec3::ZERO, Vec3::ZERO);
+        for cos in [0.0, 1e-45, 1e-30, 6e-8, 1e-7, 3e-4, 2e-3] {
+            for cos in [cos, -cos] {
+                let (axis, rim) = (Vec3::Y, Vec3::new((1.0f32 - cos * cos).sqrt(), cos, 0.0));
+                for step in 0..3600 {
+                    let angle = f32::from(step as u16) * (std::f32::consts::TAU / 3600.0);
+                    let x = Vec3::new(angle.cos(), angle.sin(), 0.0);
+                    let emission = Emission {
+                        cone: Cone { axis, cos },
+                        profile: Profile::Cosine,
+                    };
+                    let bound = Receiver::new(x, -x).emission_bound(&light, emission);
+                    let truth = rim.dot(x);
+                    assert!(
+                        bound >= truth - 1e-5 && (bound > 0.0 || truth <= 1e-6),
+                        "bound {bound}, truth {truth}: cosine {cos}, towards {x}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
     fn distances_enclose_every_point() {
         arbtest::arbtest(|u| {
             let node = boxed(point(u)?, point(u)?);

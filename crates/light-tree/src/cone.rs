@@ -86,6 +86,13 @@ impl Cone {
     pub fn contains(&self, direction: Vec3) -> bool {
         angle_between(self.axis, direction) <= half_angle(self.cos) + SLACK
     }
+
+    /// Whether all of `other` lies inside.
+    pub(crate) fn holds(&self, other: &Self) -> bool {
+        let reach = angle_between(self.axis, other.axis) + half_angle(other.cos);
+        // The axis of a whole sphere says nothing.
+        self.cos <= -1.0 || reach <= half_angle(self.cos) + SLACK
+    }
 }
 
 /// Half angle of a cone.

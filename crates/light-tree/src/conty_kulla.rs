@@ -176,10 +176,8 @@ mod tests {
         for lights in [&around[..], &here, &near] {
             let tree = tree(lights);
             let x = Receiver::new(Vec3::ZERO, UP);
-            let mut stack = vec![tree.root()];
-            while let Some(id) = stack.pop() {
+            for id in tree.nodes_below(tree.root()) {
                 if let Some(first) = tree.node(id).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
                     let w = tree.weigh(NodeWeights::ContyKulla2018, &x, first);
                     let sound = w.iter().all(|w| w.is_finite() && *w >= 0.0);
                     assert!(sound, "{w:?} for {lights:?}");

@@ -25,8 +25,8 @@ const NEAREST_SHARE: f32 = 1e-4;
 impl Cut {
     /// Splits the tree for `receiver`, always the cluster of greatest error bound, into at most `size` ≥ 1 clusters.
     ///
-    /// Bounds look at where lights point if `weights` do. Only bounds decide, never a sampled value, so estimates over the cut stay unbiased. Clusters that
-    /// provably contribute nothing are left out.
+    /// Bounds look at where lights point if `weights` do. Only bounds decide, never a sampled value, so estimates over
+    /// the cut stay unbiased. Clusters that provably contribute nothing are left out.
     ///
     /// Source: Yuksel 2019, §3.1; bounds of Walter et al. 2005, §3.2.
     pub fn refine(
@@ -36,10 +36,34 @@ impl Cut {
         receiver: &Receiver,
         size: usize,
     ) {
-        let cones = weights.bounds_emission();
+        self.grow::<false>(tree, weights.bounds_emission(), receiver, size);
+    }
+
+    /// As [`refine`](Self::refine), but keeps the clusters that contribute nothing to `receiver`, which count among the
+    /// `size`: every light is in one, so that other receivers can share the cut.
+    ///
+    /// Source: Lin and Yuksel 2020, "Real-Time Stochastic Lightcuts".
+    pub fn refine_for_many(
+        &mut self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        size: usize,
+    ) {
+        self.grow::<true>(tree, weights.bounds_emission(), receiver, size);
+    }
+
+    #[inline]
+    fn grow<const KEEP_DARK: bool>(
+        &mut self,
+        tree: &LightTree,
+        cones: bool,
+        receiver: &Receiver,
+        size: usize,
+    ) {
         assert!(size >= 1, "a cut has at least one cluster");
         self.entries.clear();
-        self.push(tree, cones, receiver, tree.root());
+        self.push::<KEEP_DARK>(tree, cones, receiver, tree.root());
         while self.entries.len() < size {
             let Some((worst, entry)) = self
                 .entries
@@ -54,8 +78,8 @@ impl Cut {
                 return;
             };
             self.entries.swap_remove(worst);
-            self.push(tree, cones, receiver, first);
-            self.push(tree, cones, receiver, NodeId(first.0 + 1));
+            self.push::<KEEP_DARK>(tree, cones, receiver, first);
+            self.push::<KEEP_DARK>(tree, cones, receiver, NodeId(first.0 + 1));
         }
     }
 
@@ -75,9 +99,15 @@ impl Cut {
     }
 
     #[inline]
-    fn push(&mut self, tree: &LightTree, cones: bool, receiver: &Receiver, id: NodeId) {
+    fn push<const KEEP_DARK: bool>(
+        &mut self,
+        tree: &LightTree,
+        cones: bool,
+        receiver: &Receiver,
+        id: NodeId,
+    ) {
         let bound = tree.contribution_bound(cones, receiver, id);
-        if bound > 0.0 {
+        if bound > 0.0 || KEEP_DARK {
             let is_leaf = tree.node(id).light().is_some();
             self.entries.push(Entry {
                 node: id,
@@ -88,6 +118,17 @@ impl Cut {
 }
 
 impl LightTree {
+    /// The bound by which a [`Cut`] is refined, for methods that stop by other rules: what the lights below `id` bring
+    /// the receiver at most, up to material and visibility, in W/m² for scene units of a metre. It looks at where lights
+    /// point if `weights` do.
+    ///
+    /// Finite; 0 only when nothing below can light the receiver. Distances below a hundredth of the diagonal of all
+    /// lights count as that, so that one near light does not claim the whole cut.
+    #[inline]
+    pub fn bound(&self, weights: NodeWeights, receiver: &Receiver, id: NodeId) -> f32 {
+        self.contribution_bound(weights.bounds_emission(), receiver, id)
+    }
+
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ with the nearest distance: 0 only when nothing below can light the receiver.
     #[inline]
     fn contribution_bound(&self, cones: bool, receiver: &Receiver, id: NodeId) -> f32 {
@@ -127,21 +168,7 @@ impl LightTree {
 mod tests {
     use super::*;
     use crate::build::TreeBuilder;
-    use crate::lights::LightId;
     use crate::test_lights::{BLACK, any_lights, any_receiver, contribution, receiver};
-
-    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
-        let mut found = Vec::new();
-        let mut stack = vec![root];
-        while let Some(id) = stack.pop() {
-            let node = tree.node(id);
-            found.extend(node.light());
-            if let Some(first) = node.first_child() {
-                stack.extend([first, NodeId(first.0 + 1)]);
-            }
-        }
-        found
-    }
 
     #[test]
     fn a_cut_holds_every_light_that_contributes_once() {
@@ -158,7 +185,7 @@ mod tests {
             assert!(cut.len() <= size, "{} clusters of {size}", cut.len());
             let mut seen = vec![0; lights.len()];
             for node in cut.nodes() {
-                for id in lights_below(&tree, node) {
+                for id in tree.lights_below(node) {
                     seen[id.index()] += 1;
                 }
             }
@@ -175,6 +202,30 @@ mod tests {
     }
 
     #[test]
+    fn a_cut_for_many_holds_every_light_once_and_is_no_larger() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let at = any_receiver(u, &lights)?;
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+                return Ok(());
+            };
+            let size = u.int_in_range(1..=40usize)?;
+            let weights = *u.choose(&NodeWeights::ALL)?;
+            let mut cut = Cut::default();
+            cut.refine_for_many(&tree, weights, &receiver(at), size);
+            assert!(cut.len() <= size, "{} clusters of {size}", cut.len());
+            let mut below: Vec<u32> = cut
+                .nodes()
+                .flat_map(|node| tree.lights_below(node))
+                .map(|id| id.0)
+                .collect();
+            below.sort_unstable();
+            assert!(below.into_iter().eq(0..lights.len() as u32), "a partition");
+            Ok(())
+        });
+    }
+
+    #[test]
     fn a_bound_is_never_below_what_its_lights_bring() {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
@@ -183,15 +234,11 @@ mod tests {
                 return Ok(());
             };
             let floor = f64::from(NEAREST_SHARE * tree.diagonal2).max(f64::from(tree.least_dist2));
-            let mut stack = vec![tree.root()];
-            while let Some(id) = stack.pop() {
-                if let Some(first) = tree.node(id).first_child() {
-                    stack.extend([first, NodeId(first.0 + 1)]);
-                }
+            for id in tree.nodes_below(tree.root()) {
                 let bound = f64::from(tree.contribution_bound(true, &receiver(at), id));
                 // Nearer than the floor a bound counts the floor, by design.
-                let truth: f64 = lights_below(&tree, id)
-                    .into_iter()
+                let truth: f64 = tree
+                    .lights_below(id)
                     .map(|l| {
                         let lit = contribution(&lights, l, at.0, at.1);
                         let d2 = lights

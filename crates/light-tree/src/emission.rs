@@ -64,6 +64,15 @@ impl Emission {
         }
     }
 
+    /// Whether what is known of this cluster holds for the `part` as well.
+    pub(crate) fn holds(&self, part: &Self) -> bool {
+        if self.profile != part.profile {
+            return self.profile == Profile::Cosine && self.cone.holds(&part.as_cosine());
+        }
+        let turned = self.profile == Profile::BothSides && self.cone.holds(&part.cone.opposite());
+        turned || self.cone.holds(&part.cone)
+    }
+
     /// Whether nothing is known of directions.
     #[inline]
     pub(crate) fn is_any(&self) -> bool {

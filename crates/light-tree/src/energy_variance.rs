@@ -52,15 +52,7 @@ impl Moments {
 impl EnergyVariance {
     /// Of all nodes of `tree`.
     pub fn of(tree: &LightTree) -> Self {
-        // Parents before children, whatever the tree's layout.
-        let mut order = vec![tree.root()];
-        let mut next = 0;
-        while let Some(&id) = order.get(next) {
-            next += 1;
-            if let Some(first) = tree.node(id).first_child() {
-                order.extend([first, NodeId(first.0 + 1)]);
-            }
-        }
+        let order: Vec<NodeId> = tree.nodes_below(tree.root()).collect();
         let slots = order.iter().map(|id| id.0 as usize + 1).max().unwrap_or(0);
         let mut moments = vec![Moments::default(); slots];
         let mut relative = vec![0.0; slots];
@@ -157,18 +149,6 @@ mod tests {
     use crate::lights::{LightId, LightSet, luminance};
     use crate::test_lights::any_lights;
 
-    fn lights_below(tree: &LightTree, root: NodeId) -> Vec<LightId> {
-        let mut found = Vec::new();
-        let mut stack = vec![root];
-        while let Some(id) = stack.pop() {
-            found.extend(tree.node(id).light());
-            if let Some(first) = tree.node(id).first_child() {
-                stack.extend([first, NodeId(first.0 + 1)]);
-            }
-        }
-        found
-    }
-
     #[test]
     fn every_node_has_the_variance_of_its_lights() {
         arbtest::arbtest(|u| {
@@ -178,12 +158,8 @@ mod tests {
                     return Ok(());
                 };
                 let variance = EnergyVariance::of(&tree);
-                let mut stack = vec![tree.root()];
-                while let Some(id) = stack.pop() {
-                    if let Some(first) = tree.node(id).first_child() {
-                        stack.extend([first, NodeId(first.0 + 1)]);
-                    }
-                    let below = lights_below(&tree, id);
+                for id in tree.nodes_below(tree.root()) {
+                    let below: Vec<LightId> = tree.lights_below(id).collect();
                     let distant = |l: &LightId| lights.kind(*l).is_distant();
                     let relative = variance.relative[id.0 as usize];
                     if below.iter().any(distant) != below.iter().all(distant) {

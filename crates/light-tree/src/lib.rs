@@ -16,6 +16,7 @@ mod emission;
 mod energy_variance;
 mod error_bound;
 mod lights;
+mod order;
 mod representative;
 mod select;
 mod splitting;
@@ -34,8 +35,9 @@ pub use error_bound::{ClusterBound, Falloff, Receivers};
 pub use lights::{
     EnvironmentCell, LightId, LightKind, LightSet, SpotCone, TriangleLight, VirtualLight, luminance,
 };
+pub use order::LightOrder;
 pub use representative::Representatives;
-pub use select::{DeadBranch, Selected, Selector};
+pub use select::{Chosen, DeadBranch, Selected, Selector};
 pub use splitting::{Splitter, SplittingRule};
 pub use tree::{LightTree, Node, NodeId};
 pub use weight::NodeWeights;

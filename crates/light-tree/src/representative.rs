@@ -37,12 +37,10 @@ impl Representatives {
         // One kind, or none where the lights below are of several; only needed here.
         let mut kinds = vec![None; clusters.len()];
         let mut inner = Vec::with_capacity(tree.light_count());
-        let mut stack = vec![tree.root()];
-        while let Some(id) = stack.pop() {
+        for id in tree.nodes_below(tree.root()) {
             let at = id.0 as usize;
             if let Some(first) = tree.node(id).first_child() {
                 inner.push((id, first));
-                stack.extend([NodeId(first.0 + 1), first]);
             } else if let Some(light) = tree.node(id).light() {
                 kinds[at] = Some(lights.kind(light));
                 clusters[at] = Cluster {
@@ -91,33 +89,6 @@ impl Representatives {
         self.clusters[id.0 as usize].light
     }
 
-    /// The child of `id` that `u` in [0, 1) falls to, in proportion to intensity, and what is left of `u` there:
-    /// again uniform in [0, 1). `None` for a leaf.
-    pub fn step(&self, tree: &LightTree, id: NodeId, u: f64) -> Option<(NodeId, f64)> {
-        let first = tree.node(id).first_child()?;
-        let second = NodeId(first.0 + 1);
-        let sum = |id| self.intensity(id).as_dvec3().element_sum();
-        let (one, two) = (sum(first), sum(second));
-        let share = one / (one + two);
-        // Rounding must not reach 1.
-        let rest = |u: f64| u.min(1.0 - f64::EPSILON);
-        Some(if u < share {
-            (first, rest(u / share))
-        } else {
-            (second, rest((u - share) / (1.0 - share)))
-        })
-    }
-
-    /// One of the lights below `id` by `u` in [0, 1), in proportion to intensity: where a cluster is estimated for
-    /// many points, one light for all would be wrong for all alike. The child that [`step`](Self::step) gives has the
-    /// same light by what is left of `u`.
-    pub fn draw(&self, tree: &LightTree, mut id: NodeId, mut u: f64) -> LightId {
-        while let Some(next) = self.step(tree, id, u) {
-            (id, u) = next;
-        }
-        self.light(id)
-    }
-
     /// RGB intensity of all lights of the cluster, W/sr, or W/m² for directional lights.
     #[inline]
     pub fn intensity(&self, id: NodeId) -> Vec3 {
@@ -154,8 +125,7 @@ mod tests {
                 return Ok(());
             };
             let chosen = Representatives::choose(&tree, &lights, 7);
-            let mut stack = vec![tree.root()];
-            while let Some(id) = stack.pop() {
+            for id in tree.nodes_below(tree.root()) {
                 let Some(first) = tree.node(id).first_child() else {
                     assert_eq!(Some(chosen.light(id)), tree.node(id).light(), "leaf");
                     continue;
@@ -174,7 +144,6 @@ mod tests {
                     (total - sum).abs() <= 1e-5 * sum && (total - of_node).abs() <= 1e-5 * sum,
                     "{total}, {of_node} and {sum}"
                 );
-                stack.extend(children);
             }
             Ok(())
         });
@@ -196,16 +165,10 @@ mod tests {
             let chosen = Representatives::choose(&tree, &lights, 7);
             let mut seen = vec![0; lights.len()];
             for &root in chosen.roots() {
-                let mut stack = vec![root];
-                while let Some(id) = stack.pop() {
-                    if let Some(light) = tree.node(id).light() {
-                        seen[light.index()] += 1;
-                        let kind = lights.kind(chosen.light(root));
-                        assert_eq!(lights.kind(light), kind, "a light of another kind");
-                    }
-                    if let Some(first) = tree.node(id).first_child() {
-                        stack.extend([first, NodeId(first.0 + 1)]);
-                    }
+                for light in tree.lights_below(root) {
+                    seen[light.index()] += 1;
+                    let kind = lights.kind(chosen.light(root));
+                    assert_eq!(lights.kind(light), kind, "a light of another kind");
                 }
             }
             assert!(seen.iter().all(|n| *n == 1), "{seen:?}");
@@ -240,27 +203,20 @@ mod tests {
         }
         let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("eight lights");
         let draws = 20_000_u16;
-        let mut counts = [[0.0; 2]; 8];
+        let mut counts = [0.0; 8];
         for seed in 0..draws {
             let chosen = Representatives::choose(&tree, &lights, u64::from(seed));
-            counts[chosen.light(tree.root()).index()][0] += 1.0;
-            let u = (f64::from(seed) + 0.5) / f64::from(draws);
-            let drawn = chosen.draw(&tree, tree.root(), u);
-            counts[drawn.index()][1] += 1.0;
-            let (child, rest) = chosen.step(&tree, tree.root(), u).expect("inner node");
-            assert_eq!(chosen.draw(&tree, child, rest), drawn, "light of the child");
+            counts[chosen.light(tree.root()).index()] += 1.0;
         }
         for (i, count) in counts.iter().enumerate() {
             let share = f64::from(1 + (i * i) as u8) / f64::from(sum);
             let deviation = (f64::from(draws) * share * (1.0 - share)).sqrt();
-            for count in count {
-                let z = (count - f64::from(draws) * share) / deviation;
-                // Eight comparisons at 5 sigma: false alarm 5e-6. The others are not random.
-                assert!(
-                    z.abs() < 5.0,
-                    "light {i}: {count} of {draws}, share {share}"
-                );
-            }
+            let z = (count - f64::from(draws) * share) / deviation;
+            // Eight comparisons at 5 sigma: false alarm 5e-6.
+            assert!(
+                z.abs() < 5.0,
+                "light {i}: {count} of {draws}, share {share}"
+            );
         }
     }
 }

@@ -128,6 +128,25 @@ impl LightTree {
         &self.pairs[(id.0 >> 1) as usize].0[(id.0 & 1) as usize]
     }
 
+    /// Node `root` and all below it, depth first, parents before their children: one visit of each.
+    pub fn nodes_below(&self, root: NodeId) -> impl Iterator<Item = NodeId> + '_ {
+        // An explicit stack: a tree may be deeper than the thread's.
+        let mut stack = vec![root];
+        std::iter::from_fn(move || {
+            let id = stack.pop()?;
+            if let Some(first) = self.node(id).first_child() {
+                stack.extend([NodeId(first.0 + 1), first]);
+            }
+            Some(id)
+        })
+    }
+
+    /// The lights of the leaves below `root`, or its own, in the tree's order.
+    pub fn lights_below(&self, root: NodeId) -> impl Iterator<Item = LightId> + '_ {
+        self.nodes_below(root)
+            .filter_map(|id| self.node(id).light())
+    }
+
     /// Both children of a node whose first child is `first`.
     #[inline]
     pub(crate) fn pair(&self, first: NodeId) -> &[Node; 2] {
@@ -191,67 +210,56 @@ impl LightTree {
     /// intensities are the sums of their children's within rounding.
     pub fn validate(&self, lights: &LightSet) -> Result<(), String> {
         let mut seen = vec![false; lights.len()];
-        self.validate_below(self.root(), lights, &mut seen)?;
+        for id in self.nodes_below(self.root()) {
+            match self.node(id).light() {
+                Some(light) => {
+                    let i = light.index();
+                    if i >= seen.len() || std::mem::replace(&mut seen[i], true) {
+                        return Err(format!(
+                            "leaf {} holds light {i} out of range or for the second time",
+                            id.0
+                        ));
+                    }
+                    self.validate_leaf(id, light, lights)?;
+                }
+                None => self.validate_inner(id)?,
+            }
+        }
         match seen.iter().position(|s| !s) {
             Some(i) => Err(format!("light {i} is in no leaf")),
             None => Ok(()),
         }
     }
 
-    fn validate_below(
-        &self,
-        root: NodeId,
-        lights: &LightSet,
-        seen: &mut [bool],
-    ) -> Result<(), String> {
-        // An explicit stack: a tree may be deeper than the thread's.
-        let mut stack = vec![root];
-        while let Some(id) = stack.pop() {
-            let node = self.node(id);
-            if let Some(light) = node.light() {
-                let i = light.index();
-                if i >= seen.len() || std::mem::replace(&mut seen[i], true) {
-                    return Err(format!(
-                        "leaf {} holds light {i} out of range or for the second time",
-                        id.0
-                    ));
-                }
-                self.validate_leaf(id, light, lights)?;
-                continue;
-            }
-            let Some(first) = node.first_child() else {
-                continue;
-            };
-            let children = self.pair(first);
-            let (lo, hi) = (
-                children[0].lo.min(children[1].lo),
-                children[0].hi.max(children[1].hi),
-            );
-            if (lo, hi) != (node.lo, node.hi) {
+    fn validate_inner(&self, id: NodeId) -> Result<(), String> {
+        let node = self.node(id);
+        let Some(first) = node.first_child() else {
+            return Ok(());
+        };
+        let children = self.pair(first);
+        let (lo, hi) = (
+            children[0].lo.min(children[1].lo),
+            children[0].hi.max(children[1].hi),
+        );
+        if (lo, hi) != (node.lo, node.hi) {
+            return Err(format!(
+                "box of node {} is not the union of its children's",
+                id.0
+            ));
+        }
+        let sum = f64::from(children[0].intensity) + f64::from(children[1].intensity);
+        if (f64::from(node.intensity) - sum).abs() > 1e-6 * sum {
+            return Err(format!(
+                "node {} has intensity {} but its children {sum}",
+                id.0, node.intensity
+            ));
+        }
+        for child in [first, NodeId(first.0 + 1)] {
+            if !self.emission(id).holds(&self.emission(child)) {
                 return Err(format!(
-                    "box of node {} is not the union of its children's",
-                    id.0
+                    "cone of node {} does not hold that of child {}",
+                    id.0, child.0
                 ));
-            }
-            let sum = f64::from(children[0].intensity) + f64::from(children[1].intensity);
-            if (f64::from(node.intensity) - sum).abs() > 1e-6 * sum {
-                return Err(format!(
-                    "node {} has intensity {} but its children {sum}",
-                    id.0, node.intensity
-                ));
-            }
-            for child in [first, NodeId(first.0 + 1)] {
-                let (outer, inner) = (self.emission(id), self.cone(child));
-                let either = outer.profile == Profile::BothSides;
-                let holds =
-                    outer.cone.contains(inner.axis) || (either && outer.cone.contains(-inner.axis));
-                if !holds && inner != Cone::SPHERE {
-                    return Err(format!(
-                        "cone of node {} lacks the axis of child {}",
-                        id.0, child.0
-                    ));
-                }
-                stack.push(child);
             }
         }
         Ok(())

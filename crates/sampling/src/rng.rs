@@ -20,6 +20,8 @@ pub enum Purpose {
     Pilot = 5,
     /// Choices made once while building a structure.
     Build = 6,
+    /// Choice of the gather point that a block of pixels takes its cut from.
+    Pivot = 7,
 }
 
 /// A stream of random numbers: rand's portable xoshiro128++, the same on every platform.

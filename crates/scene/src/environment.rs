@@ -348,7 +348,8 @@ mod tests {
             let density = f64::from(sky.pdf_solid_angle(drawn.direction));
             let found = sky.radiance(drawn.direction).as_dvec3() / density;
             // Rounding may put a direction across an edge.
-            apart += u32::from(!(found.distance(drawn.power.as_dvec3()) < 1e-4 * found.length()));
+            let same = found.distance(drawn.power.as_dvec3()) < 1e-4 * found.length();
+            apart += u32::from(!same);
         }
         assert!(apart < 20, "{apart} of 20000");
     }

@@ -7,7 +7,7 @@ use sampling::Rng;
 use serde::Deserialize;
 
 use super::stochastic_lightcuts::Weights;
-use super::{Method, SampleCount};
+use super::{Fraction, Method, SampleCount};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -31,8 +31,8 @@ pub struct AdaptiveSplitting<'a> {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdaptiveSplittingSpec {
-    /// How readily clusters are split, from 0 for never to 1 for always.
-    pub threshold: Threshold,
+    /// How readily clusters are split, from 0 for never to 1 for always: those for which (1 / (1 + σ))^¼ is less.
+    pub threshold: Fraction,
     /// Most light samples that splitting may lead to, of one descent, in 1..=65536.
     pub max_samples: SampleCount,
     /// Descents a point, in 1..=65536.
@@ -41,40 +41,10 @@ pub struct AdaptiveSplittingSpec {
     pub weights: Weights,
 }
 
-/// A splitting threshold, in 0..=1: a node is split when (1 / (1 + σ))^¼ is less.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(try_from = "f64")]
-pub struct Threshold(f64);
-
-impl Threshold {
-    /// As a number.
-    pub fn get(self) -> f64 {
-        self.0
-    }
-}
-
-impl Default for Threshold {
-    fn default() -> Self {
-        Self(0.5)
-    }
-}
-
-impl TryFrom<f64> for Threshold {
-    type Error = String;
-
-    fn try_from(value: f64) -> Result<Self, String> {
-        if (0.0..=1.0).contains(&value) {
-            Ok(Self(value))
-        } else {
-            Err(format!("found {value}; expected 0..=1"))
-        }
-    }
-}
-
 impl Default for AdaptiveSplittingSpec {
     fn default() -> Self {
         Self {
-            threshold: Threshold::default(),
+            threshold: Fraction::of(0.5),
             max_samples: SampleCount::of(64),
             samples: SampleCount::of(1),
             weights: Weights::ContyKulla2018,

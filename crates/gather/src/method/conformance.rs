@@ -3,13 +3,13 @@
 //! A method added to the list is tested without another line.
 
 use glam::{DVec3, Vec2, Vec3};
-use light_tree::{LightKind, LightSet, TreeBuilder};
+use light_tree::{LightKind, LightSet, TreeBuilder, VirtualLight};
 use sampling::{Purpose, Rng};
 use scene::trace::{Hit, Tracer};
 use scene::{Emitter, Environment, Material, MaterialId, Mesh, Scene, Texture, TextureId};
 use verify::{Running, critical_z, sidak, z_test};
 
-use super::stochastic_lightcuts::Weights;
+use super::stochastic_lightcuts::{CutSize, Weights};
 use super::*;
 use crate::contribution::VirtualShape;
 use crate::counters::Counters;
@@ -260,6 +260,11 @@ fn cases(glossy: bool) -> Vec<(Scene, Tracer, &'static str, LightSet)> {
 
 /// Gather points on floor, wall, block, in a corner, and right beside a light.
 pub(crate) fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
+    gather_points_of(scene, 1.0)
+}
+
+/// The same of a room that is `scale` times as large.
+fn gather_points_of(scene: &Scene, scale: f32) -> Vec<GatherPoint> {
     let hits = [
         (0, 0.3, 0.3),
         (1, 0.7, 0.1),
@@ -277,7 +282,7 @@ pub(crate) fn gather_points(scene: &Scene) -> Vec<GatherPoint> {
                 u,
                 v,
             };
-            let toward = Vec3::new(0.3, 1.5, 3.0);
+            let toward = Vec3::new(0.3, 1.5, 3.0) * scale;
             let at = scene.surface(&hit, Vec3::NEG_Y).position;
             let direction = (at - toward).normalize();
             GatherPoint::new(&scene.surface(&hit, direction), -direction, Vec3::ONE, 0)
@@ -339,82 +344,270 @@ fn settings() -> Vec<MethodSpec> {
         weights,
         ..Default::default()
     }));
-    for (threshold, samples) in [(0.0, 10), (1.0, 2)] {
-        all.push(MethodSpec::AdaptiveSplitting(AdaptiveSplittingSpec {
-            threshold: threshold.try_into().expect("in range"),
-            samples: SampleCount::of(samples),
+    // The number of samples must not change the brightness.
+    for samples in [1, 100].map(SampleCount::of) {
+        all.push(MethodSpec::Uniform(UniformSpec { samples }));
+        all.push(MethodSpec::Power(PowerSpec { samples }));
+        all.push(MethodSpec::Importance(ImportanceSpec {
+            samples,
             ..Default::default()
         }));
     }
-    for weights in [
-        Weights::MinMax,
-        Weights::MinMaxWithoutCones,
-        Weights::ContyKulla2018,
-    ] {
-        all.push(MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+    let splitting = |threshold, max_samples, samples, weights| {
+        MethodSpec::AdaptiveSplitting(AdaptiveSplittingSpec {
+            threshold: Fraction::of(threshold),
+            max_samples: SampleCount::of(max_samples),
+            samples: SampleCount::of(samples),
+            weights,
+        })
+    };
+    all.extend([
+        splitting(0.0, 64, 10, Weights::ContyKulla2018),
+        splitting(1.0, 64, 2, Weights::ContyKulla2018),
+        splitting(0.9, 3, 1, Weights::MinMax),
+        splitting(1.0, 1000, 1, Weights::Yuksel2019),
+        splitting(0.7, 16, 3, Weights::MinMaxWithoutCones),
+    ]);
+    let stochastic = |cut, weights| {
+        MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+            cut: CutSize(cut),
             weights,
             ..Default::default()
-        }));
-    }
+        })
+    };
+    all.extend([
+        stochastic(10, Weights::MinMax),
+        stochastic(10, Weights::MinMaxWithoutCones),
+        stochastic(10, Weights::ContyKulla2018),
+        stochastic(1, Weights::MinMax),
+        stochastic(100, Weights::Yuksel2019),
+    ]);
     all
 }
 
-#[test]
-fn unbiased_methods_agree_with_all_lights() {
+/// How far a method's mean at a point is from that of all lights.
+struct Score {
+    /// In standard deviations.
+    z: f64,
+    method: String,
+    lights: &'static str,
+    at: Vec3,
+    estimate: f64,
+    truth: f64,
+}
+
+/// Scores of the unbiased ones among `methods`, on trees by `builder`, at each `every`-th of the gather points.
+fn scores(methods: &[MethodSpec], builder: TreeBuilder, glossy: bool, every: usize) -> Vec<Score> {
     let mut scores = Vec::new();
-    for glossy in [false, true] {
-        for (scene, tracer, name, lights) in cases(glossy) {
-            let inputs = Inputs::new(lights, TreeBuilder::Binned);
-            for x in gather_points(&scene) {
-                let estimates = |method: &MethodSpec, count| {
-                    let estimates = Estimates {
-                        scene: &scene,
-                        inputs: &inputs,
-                        tracer: &tracer,
-                        x,
-                        count,
-                        seed: 31,
-                    };
-                    method.visit(&inputs, estimates)
+    for (scene, tracer, name, lights) in cases(glossy) {
+        let inputs = Inputs::new(lights, builder);
+        for x in gather_points(&scene).into_iter().step_by(every) {
+            let estimates = |method: &MethodSpec, count| {
+                let estimates = Estimates {
+                    scene: &scene,
+                    inputs: &inputs,
+                    tracer: &tracer,
+                    x,
+                    count,
+                    seed: 31,
                 };
-                let (_, exact, _) = estimates(&MethodSpec::AllLights(Default::default()), 200);
-                for method in settings() {
-                    let (unbiased, values, counters) = estimates(&method, 4000);
-                    assert_eq!(counters.nonfinite, 0, "{method:?} with {name}");
-                    if !unbiased {
-                        continue;
-                    }
-                    for channel in 0..3 {
-                        let (estimate, truth) =
-                            (running(&values, channel), running(&exact, channel));
-                        // All-lights draws a point inside virtual lights that straddle a horizon: it has a variance too.
-                        // And a method that is exact up to an f32's rounding may have hardly any.
-                        let rounding = 1e-7 * truth.mean();
-                        let variance = estimate.variance_of_mean()
-                            + truth.variance_of_mean()
-                            + rounding * rounding;
-                        let z = z_test(estimate.mean(), variance, truth.mean());
-                        scores.push((
-                            z,
-                            format!("{method:?}"),
-                            name,
-                            x.position,
-                            estimate.mean(),
-                            truth.mean(),
-                        ));
-                    }
+                method.visit(&inputs, estimates)
+            };
+            let (_, exact, _) = estimates(&MethodSpec::AllLights(Default::default()), 200);
+            for method in methods {
+                // Of the biased ones only that they are sound.
+                let (unbiased, _, few) = estimates(method, 20);
+                let (_, values, counters) = match unbiased {
+                    true => estimates(method, 4000),
+                    false => (false, Vec::new(), few),
+                };
+                assert_eq!(counters.nonfinite, 0, "{method:?} with {name}");
+                if !unbiased {
+                    continue;
+                }
+                for channel in 0..3 {
+                    let (estimate, truth) = (running(&values, channel), running(&exact, channel));
+                    // All-lights draws a point inside virtual lights that straddle a horizon: it has a variance too.
+                    // And a method that is exact up to an f32's rounding may have hardly any.
+                    let rounding = 1e-7 * truth.mean();
+                    let variance = estimate.variance_of_mean()
+                        + truth.variance_of_mean()
+                        + rounding * rounding;
+                    scores.push(Score {
+                        z: z_test(estimate.mean(), variance, truth.mean()),
+                        method: format!("{method:?} on {builder:?}"),
+                        lights: name,
+                        at: x.position,
+                        estimate: estimate.mean(),
+                        truth: truth.mean(),
+                    });
                 }
             }
         }
     }
-    assert!(scores.len() > 250, "only {} comparisons", scores.len());
+    scores
+}
+
+fn assert_agreement(scores: &[Score]) {
     let limit = critical_z(sidak(FALSE_ALARM, scores.len()));
-    for (z, method, lights, at, estimate, truth) in scores {
+    for score in scores {
         // 4000 estimates whose tail is heavy are not quite normal: a fifth more room.
+        let Score {
+            z,
+            method,
+            lights,
+            at,
+            estimate,
+            truth,
+        } = score;
         assert!(
             z.abs() < 1.2 * limit,
             "{method}, {lights}, at {at}: {estimate} instead of {truth}, z = {z}"
         );
+    }
+}
+
+#[test]
+fn unbiased_methods_agree_with_all_lights() {
+    for glossy in [false, true] {
+        let scores = scores(&settings(), TreeBuilder::Binned, glossy, 1);
+        assert!(scores.len() > 1000, "only {} comparisons", scores.len());
+        assert_agreement(&scores);
+    }
+}
+
+#[test]
+fn methods_that_use_a_tree_agree_with_all_lights_on_a_tree_of_any_builder() {
+    let methods: Vec<MethodSpec> = MethodSpec::all()
+        .into_iter()
+        .filter(MethodSpec::uses_tree)
+        .collect();
+    for builder in TreeBuilder::ALL {
+        let scores = scores(&methods, builder, false, 3);
+        assert!(scores.len() > 100, "only {} comparisons", scores.len());
+        assert_agreement(&scores);
+    }
+}
+
+#[test]
+fn points_on_lights_and_lights_in_one_place_leave_every_method_finite() {
+    let scene = room(true);
+    let tracer = Tracer::build(&scene);
+    let x = gather_points(&scene)[0];
+    let set = |places: &[Vec3]| {
+        let mut lights = LightSet::default();
+        for place in places {
+            lights.push_point(*place, Vec3::ONE);
+        }
+        // Virtual lights in the same places, seen from their middle.
+        for place in places {
+            lights.push_virtual(&VirtualLight {
+                position: *place,
+                normal: -x.ns,
+                incoming: -x.ns,
+                flux: Vec3::ONE,
+                reflectance: Vec3::splat(0.5),
+                material: 0,
+            });
+        }
+        lights
+    };
+    let p = x.position;
+    let (beside, above) = (p + Vec3::X, p + 0.5 * x.ns);
+    let cases = [
+        // The point on a light, on many, and in the middle of a box.
+        set(&[p]),
+        set(&[p; 5]),
+        set(&[p, p - Vec3::X, beside, above]),
+        set(&[above; 7]),
+        set(&[p + 1e-30 * x.ns, p + 1e-20 * x.ns, above]),
+    ];
+    for (case, mut lights) in cases.into_iter().enumerate() {
+        for radius in [0.0, 0.3] {
+            lights.set_radius(radius);
+            let inputs = Inputs::new(lights.clone(), TreeBuilder::Binned);
+            for method in settings() {
+                let estimates = Estimates {
+                    scene: &scene,
+                    inputs: &inputs,
+                    tracer: &tracer,
+                    x,
+                    count: 20,
+                    seed: 31,
+                };
+                let (_, values, counters) = method.visit(&inputs, estimates);
+                let sound = values
+                    .iter()
+                    .all(|v| v.is_finite() && v.min_element() >= 0.0);
+                assert!(
+                    sound && counters.nonfinite == 0,
+                    "{method:?}, case {case}, radius {radius}: {values:?}"
+                );
+            }
+        }
+    }
+}
+
+/// `scene`, everything in it `scale` times as large.
+fn scaled_room(scale: f32) -> Scene {
+    let mut scene = room(true);
+    for p in &mut scene.mesh.positions {
+        *p *= scale;
+    }
+    scene
+}
+
+/// `lights`, in that scene: intensities grow with the square of distances.
+fn scaled_lights(lights: &LightSet, scale: f32) -> LightSet {
+    let mut scaled = LightSet::default();
+    for id in lights.ids() {
+        let (position, intensity) = (lights.position(id) * scale, lights.intensity(id));
+        match (lights.virtual_light(id), lights.kind(id)) {
+            (Some(light), _) => scaled.push_virtual(&VirtualLight {
+                position,
+                flux: light.flux * (scale * scale),
+                ..light
+            }),
+            (None, LightKind::Directional) => scaled.push_directional(lights.axis(id), intensity),
+            (None, _) => scaled.push_point(position, intensity * (scale * scale)),
+        };
+    }
+    scaled.set_radius(lights.radius() * scale);
+    scaled
+}
+
+#[test]
+fn the_unit_of_length_changes_no_pick_and_no_bit_of_any_method() {
+    let (scene, points) = (room(true), gather_points(&room(true)));
+    let tracer = Tracer::build(&scene);
+    for scale in [2.0f32.powi(-10), 2.0f32.powi(7)] {
+        let large = scaled_room(scale);
+        let large_tracer = Tracer::build(&large);
+        for (name, lights) in light_sets(&scene, &tracer) {
+            let inputs = Inputs::new(lights.clone(), TreeBuilder::Binned);
+            let large_inputs = Inputs::new(scaled_lights(&lights, scale), TreeBuilder::Binned);
+            for (x, large_x) in points.iter().zip(gather_points_of(&large, scale)) {
+                for method in settings() {
+                    let run = |inputs, tracer, x| {
+                        let estimates = Estimates {
+                            scene: &scene,
+                            inputs,
+                            tracer,
+                            x,
+                            count: 20,
+                            seed: 31,
+                        };
+                        let (_, values, counters) = method.visit(inputs, estimates);
+                        (values, counters.light_samples, counters.shadow_rays)
+                    };
+                    assert_eq!(
+                        run(&inputs, &tracer, *x),
+                        run(&large_inputs, &large_tracer, large_x),
+                        "{method:?} with {name} at scale {scale}"
+                    );
+                }
+            }
+        }
     }
 }
 

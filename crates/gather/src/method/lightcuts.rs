@@ -9,9 +9,9 @@ use light_tree::{LightSet, LightTree, NodeId, Receivers, Representatives};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::Method;
-use super::refinement::{Cluster, ErrorShare, Refinement};
+use super::refinement::{Cluster, JUST_VISIBLE, Refinement};
 use super::stochastic_lightcuts::CutSize;
+use super::{Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::error_bound::{Clusters, Reflection};
@@ -42,14 +42,14 @@ pub struct LightcutsSpec {
     /// Most clusters, in 1..=65536; 1000 in the paper.
     pub cut: CutSize,
     /// Greatest error bound of a cluster as a share of the total; 0.02 in the paper.
-    pub error: ErrorShare,
+    pub error: Fraction,
 }
 
 impl Default for LightcutsSpec {
     fn default() -> Self {
         Self {
             cut: CutSize(1000),
-            error: ErrorShare::default(),
+            error: JUST_VISIBLE,
         }
     }
 }
@@ -188,7 +188,7 @@ mod tests {
             for (name, lights) in light_sets(&scene, &tracer) {
                 let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let spec = LightcutsSpec {
-                    error: ErrorShare(0.0),
+                    error: Fraction::of(0.0),
                     ..LightcutsSpec::default()
                 };
                 let method = Lightcuts::prepare(&spec, &inputs);

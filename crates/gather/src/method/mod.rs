@@ -2,12 +2,15 @@
 
 mod adaptive_splitting;
 mod all_lights;
+mod fraction;
 mod importance;
 mod lightcuts;
 mod multidimensional;
 mod power;
 mod refinement;
+mod running_total;
 mod sample_count;
+mod shared_cuts;
 mod stochastic_lightcuts;
 mod uniform;
 
@@ -17,16 +20,20 @@ use serde::de::DeserializeOwned;
 use crate::Inputs;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::tile_points::TilePoints;
 
-pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec, Threshold};
+pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec};
 pub use all_lights::AllLights;
+pub use fraction::Fraction;
 pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use multidimensional::{Multidimensional, MultidimensionalSpec};
 pub use power::{Power, PowerSpec};
-pub use refinement::ErrorShare;
 pub use sample_count::SampleCount;
-pub use stochastic_lightcuts::{StochasticLightcuts, StochasticLightcutsSpec};
+pub use shared_cuts::BlockEdge;
+pub use stochastic_lightcuts::{
+    RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,
+};
 pub use uniform::{Uniform, UniformSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
@@ -44,6 +51,10 @@ pub trait Method<'a>: Sized + Sync {
 
     /// Whether the expected value is that of [`AllLights`].
     fn is_unbiased(&self) -> bool;
+
+    /// Begins one pass over a tile, with all gather points that will be handed over: for methods that do something for
+    /// many of them at once. A method must do without it where it is not called.
+    fn begin_tile(&self, _tile: &TilePoints<'_>, _scratch: &mut Self::Scratch) {}
 
     /// Adds the light of all lights at `x`, or an estimate of it.
     fn point<E: LightEval>(

@@ -3,13 +3,13 @@
 //! Source: Walter, Arbree, Bala, Greenberg, "Multidimensional Lightcuts", 2006.
 
 use glam::{DVec2, DVec3, Vec3};
-use light_tree::{LightSet, LightTree, NodeId, Representatives};
+use light_tree::{LightOrder, LightSet, LightTree, NodeId, Representatives};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::Method;
-use super::refinement::{Cluster, ErrorShare, Refinement};
+use super::refinement::{Cluster, JUST_VISIBLE, Refinement};
 use super::stochastic_lightcuts::CutSize;
+use super::{Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::error_bound::Clusters;
@@ -36,6 +36,7 @@ use crate::shadow_queue::LightEval;
 pub struct Multidimensional<'a> {
     spec: MultidimensionalSpec,
     clusters: Option<(&'a LightTree, &'a Representatives)>,
+    order: Option<&'a LightOrder>,
     lights: &'a LightSet,
 }
 
@@ -46,14 +47,14 @@ pub struct MultidimensionalSpec {
     /// Most clusters of pairs a pixel, in 1..=65536; 1000 in the paper.
     pub cut: CutSize,
     /// Greatest error bound of a cluster as a share of the pixel's total; 0.02 in the paper.
-    pub error: ErrorShare,
+    pub error: Fraction,
 }
 
 impl Default for MultidimensionalSpec {
     fn default() -> Self {
         Self {
             cut: CutSize(1000),
-            error: ErrorShare::default(),
+            error: JUST_VISIBLE,
         }
     }
 }
@@ -64,10 +65,10 @@ type Pairs = (NodeId, GatherId);
 /// The pair that represents a cluster, and what they exchange.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
-    /// Names the light: what is left in the cluster's node of the number that drew it.
-    u: f64,
-    /// Where the gather point is in its tree's order.
-    place: u32,
+    /// Where the light is in its tree's order.
+    light: u32,
+    /// Where the gather point is in its own.
+    point: u32,
     /// What the light sends per unit of intensity.
     unit: Vec3,
 }
@@ -84,6 +85,7 @@ pub struct MultidimensionalScratch {
 /// What is known while one pixel's cut is refined.
 struct Pixel<'a, 'e, E> {
     clusters: Clusters<'a>,
+    order: &'a LightOrder,
     points: &'a [GatherPoint],
     gather: &'a GatherTree,
     received: &'a mut [DVec3],
@@ -145,30 +147,21 @@ impl<E: LightEval> Pixel<'_, '_, E> {
     fn sample(&mut self, (light, points): Pairs) -> Sample {
         let u = self.next;
         self.next = (self.next + STRIDE).fract();
-        let Clusters {
-            tree,
-            representatives,
-            ..
-        } = self.clusters;
-        let place = self.gather.draw(points, u.y);
-        let x = &self.points[self.gather.point(place)];
-        let drawn = representatives.draw(tree, light, u.x);
+        let light = self.order.draw(light, u.x);
+        let point = self.gather.draw(points, u.y);
+        let x = &self.points[self.gather.point(point)];
         Sample {
-            u: u.x,
-            place,
-            unit: self.eval.unit_radiance(x, drawn),
+            light,
+            point,
+            unit: self.eval.unit_radiance(x, self.order.light(light)),
         }
     }
 
-    /// The sample of `whole`, if its pair is among those of `part`.
-    fn inherited(&self, whole: Pairs, sample: Sample, part: Pairs) -> Option<Sample> {
-        if part.0 == whole.0 {
-            let contains = self.gather.node(part.1).contains(sample.place);
-            return contains.then_some(sample);
-        }
-        let representatives = self.clusters.representatives;
-        let (child, u) = representatives.step(self.clusters.tree, whole.0, sample.u)?;
-        (child == part.0).then_some(Sample { u, ..sample })
+    /// The `sample` of a cluster, if its pair is among those of this part of it.
+    fn inherited(&self, sample: Sample, (light, points): Pairs) -> Option<Sample> {
+        let holds = self.order.places(light).contains(&sample.light)
+            && self.gather.node(points).contains(sample.point);
+        holds.then_some(sample)
     }
 
     /// The pairs in two parts each with its bound, by whichever side leaves the smaller errors.
@@ -224,7 +217,7 @@ impl<E: LightEval> Pixel<'_, '_, E> {
                 return;
             };
             for (part, bound) in parts {
-                let inherited = self.inherited(worst.key, worst.sample, part);
+                let inherited = self.inherited(worst.sample, part);
                 self.push(cut, part, bound, inherited);
             }
         }
@@ -240,6 +233,7 @@ impl<'a> Method<'a> for Multidimensional<'a> {
         Self {
             spec: spec.clone(),
             clusters: inputs.clusters(),
+            order: inputs.light_order(),
             lights: &inputs.lights,
         }
     }
@@ -269,7 +263,7 @@ impl<'a> Method<'a> for Multidimensional<'a> {
             received,
         }: &mut MultidimensionalScratch,
     ) {
-        let Some((tree, representatives)) = self.clusters else {
+        let (Some((tree, representatives)), Some(order)) = (self.clusters, self.order) else {
             return;
         };
         let Some(root) = gather.build(xs, per_normal(tree, xs)) else {
@@ -284,6 +278,7 @@ impl<'a> Method<'a> for Multidimensional<'a> {
                 lights: self.lights,
                 shape: eval.shape(),
             },
+            order,
             points: xs,
             gather,
             received,
@@ -376,7 +371,7 @@ mod tests {
                 let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let spec = MultidimensionalSpec {
                     cut: CutSize(65536),
-                    error: ErrorShare(0.0),
+                    error: Fraction::of(0.0),
                 };
                 let method = Multidimensional::prepare(&spec, &inputs);
                 let mut xs = many_points(&scene);

@@ -7,38 +7,11 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
-use serde::Deserialize;
 
-/// A share of the total, in 0..=1.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(try_from = "f64")]
-pub struct ErrorShare(pub(super) f64);
+use super::Fraction;
 
-impl ErrorShare {
-    /// As a number.
-    pub fn get(self) -> f64 {
-        self.0
-    }
-}
-
-impl Default for ErrorShare {
-    /// 2 %: what can just be seen, by Weber's law.
-    fn default() -> Self {
-        Self(0.02)
-    }
-}
-
-impl TryFrom<f64> for ErrorShare {
-    type Error = String;
-
-    fn try_from(value: f64) -> Result<Self, String> {
-        if (0.0..=1.0).contains(&value) {
-            Ok(Self(value))
-        } else {
-            Err(format!("found {value}; expected 0..=1"))
-        }
-    }
-}
+/// The published share of the total that a cluster may be off by: 2 %, what can just be seen by Weber's law.
+pub(super) const JUST_VISIBLE: Fraction = Fraction::of(0.02);
 
 /// A cluster, named by `key`, that may still be split.
 #[derive(Debug, Clone, Copy)]
@@ -220,12 +193,5 @@ mod tests {
         assert_eq!(cut.total, 0.0, "the small one is lost in rounding");
         assert!(cut.worst(10, 0.6).is_none(), "0.5 is within 0.6 of 1");
         assert_eq!(cut.total, 1.0, "added up anew");
-    }
-
-    #[test]
-    fn a_share_outside_of_its_range_is_refused() {
-        for bad in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
-            assert!(ErrorShare::try_from(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -5,18 +5,24 @@
 
 use light_tree::{Cut, DeadBranch, LightTree, NodeWeights, Selector};
 use sampling::Rng;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
-use super::Method;
+use super::refinement::JUST_VISIBLE;
+use super::running_total::{RunningTotal, SampledCut};
+use super::shared_cuts::{BlockEdge, SharedCuts};
+use super::{Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::tile_points::TilePoints;
 
 /// Splits the light tree into up to `cut` clusters by error bound and draws one light from each.
 ///
-/// Unbiased with dead branches stopped. One departure from the paper: clusters are split by their bounds
-/// alone, never by the running total of sampled values, which would tie the stopping to the samples.
+/// Unbiased with dead branches stopped and clusters split by their bounds alone, which is the default. That is a
+/// departure from the published code, which stops by the running total of sampled values and so ties the stopping to the
+/// samples: [`Stopping::RunningTotal`].
 #[derive(Debug)]
 pub struct StochasticLightcuts<'a> {
     spec: StochasticLightcutsSpec,
@@ -24,8 +30,11 @@ pub struct StochasticLightcuts<'a> {
 }
 
 /// Settings of [`StochasticLightcuts`].
+///
+/// [`Stopping::RunningTotal`] is refused together with [`DeadBranches::Retry`], as Algorithm 1 knows no total, and
+/// with a cut that is shared, as the total is that of one point.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, remote = "Self")]
 pub struct StochasticLightcutsSpec {
     /// Most clusters, and so most light samples a point, in 1..=65536.
     pub cut: CutSize,
@@ -33,6 +42,29 @@ pub struct StochasticLightcutsSpec {
     pub weights: Weights,
     /// What to do when nothing below a node can light the point.
     pub dead_branches: DeadBranches,
+    /// When clusters are split no further.
+    pub stopping: Stopping,
+    /// Pixels along the edge of the blocks that share a cut, in 1..=8; 1 for a cut at every point.
+    pub share: BlockEdge,
+}
+
+impl<'de> Deserialize<'de> for StochasticLightcutsSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        // The derived function of the same name, without a trait.
+        let spec = Self::deserialize(deserializer)?;
+        let by_total = spec.stopping != Stopping::Bounds;
+        if by_total && spec.dead_branches == DeadBranches::Retry {
+            return Err(D::Error::custom(
+                "found stopping: RunningTotal with dead_branches: Retry; expected one of them",
+            ));
+        }
+        if by_total && spec.share != BlockEdge::default() {
+            return Err(D::Error::custom(
+                "found stopping: RunningTotal with share; expected one of them",
+            ));
+        }
+        Ok(spec)
+    }
 }
 
 /// Number of clusters in a cut, 1..=65536.
@@ -100,6 +132,33 @@ pub enum DeadBranches {
     Retry,
 }
 
+/// When a cut is refined no further.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+pub enum Stopping {
+    /// When it has all its clusters, or only single lights.
+    #[default]
+    Bounds,
+    /// As soon as no cluster can be off by more than a share of the total that was sampled so far, as in the published
+    /// code; biased, for that total is random.
+    RunningTotal(RunningTotalSpec),
+}
+
+/// Settings of [`Stopping::RunningTotal`].
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RunningTotalSpec {
+    /// Greatest error bound of a cluster as a share of the running total.
+    pub error: Fraction,
+}
+
+impl Default for RunningTotalSpec {
+    fn default() -> Self {
+        Self {
+            error: JUST_VISIBLE,
+        }
+    }
+}
+
 impl StochasticLightcutsSpec {
     fn dead_branch(&self) -> DeadBranch {
         match self.dead_branches {
@@ -109,9 +168,18 @@ impl StochasticLightcutsSpec {
     }
 }
 
+/// Memory of [`StochasticLightcuts`], kept from point to point.
+#[derive(Debug, Default)]
+pub struct StochasticLightcutsScratch {
+    cut: Cut,
+    selector: Selector,
+    sampled: SampledCut,
+    shared: SharedCuts,
+}
+
 impl<'a> Method<'a> for StochasticLightcuts<'a> {
     type Spec = StochasticLightcutsSpec;
-    type Scratch = (Cut, Selector);
+    type Scratch = StochasticLightcutsScratch;
 
     fn prepare(spec: &StochasticLightcutsSpec, inputs: &'a Inputs) -> Self {
         Self {
@@ -121,7 +189,18 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
     }
 
     fn is_unbiased(&self) -> bool {
-        self.spec.dead_branches == DeadBranches::Stop
+        self.spec.dead_branches == DeadBranches::Stop && self.spec.stopping == Stopping::Bounds
+    }
+
+    fn begin_tile(&self, tile: &TilePoints<'_>, scratch: &mut StochasticLightcutsScratch) {
+        let edge = self.spec.share.get();
+        if let Some(tree) = self.tree.filter(|_| edge > 1) {
+            let weights = self.spec.weights.node_weights();
+            let size = self.spec.cut.get();
+            scratch
+                .shared
+                .refine(tile, edge, size, tree, weights, &mut scratch.cut);
+        }
     }
 
     fn point<E: LightEval>(
@@ -129,20 +208,35 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         x: &GatherPoint,
         eval: &mut E,
         rng: &mut Rng,
-        (cut, selector): &mut (Cut, Selector),
+        StochasticLightcutsScratch {
+            cut,
+            selector,
+            sampled,
+            shared,
+        }: &mut StochasticLightcutsScratch,
     ) {
         let Some(tree) = self.tree else { return };
         let weights = self.spec.weights.node_weights();
-        cut.refine(tree, weights, &x.receiver, self.spec.cut.get());
-        eval.mark(Phase::Cut);
-        let drawn = selector.select(
-            tree,
-            weights,
-            self.spec.dead_branch(),
-            &x.receiver,
-            cut.nodes(),
-            || rng.f64(),
-        );
+        let size = self.spec.cut.get();
+        if let Stopping::RunningTotal(RunningTotalSpec { error }) = self.spec.stopping {
+            let mut running = RunningTotal::new(tree, weights, x, eval, rng);
+            running.refine(sampled, size, error.get());
+            eval.add_radiance(x, sampled.sum());
+            return;
+        }
+        let dead_branch = self.spec.dead_branch();
+        let u = || rng.f64();
+        let drawn = match shared.next() {
+            Some(nodes) => {
+                let nodes = nodes.iter().copied();
+                selector.select(tree, weights, dead_branch, &x.receiver, nodes, u)
+            }
+            None => {
+                cut.refine(tree, weights, &x.receiver, size);
+                eval.mark(Phase::Cut);
+                selector.select(tree, weights, dead_branch, &x.receiver, cut.nodes(), u)
+            }
+        };
         eval.mark(Phase::Select);
         for selected in drawn {
             match selected {
@@ -150,5 +244,99 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
                 None => eval.count_dead(),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contribution::VirtualShape;
+    use crate::method::MethodSpec;
+    use crate::method::conformance::{Estimates, gather_points, light_sets, room};
+    use crate::method::fixtures::{all_lights, at};
+    use glam::{DVec3, Vec3};
+    use light_tree::{LightSet, TreeBuilder};
+    use scene::trace::Tracer;
+
+    #[test]
+    fn a_cut_of_single_lights_is_all_lights() {
+        let scene = room(true);
+        let tracer = Tracer::build(&scene);
+        // Lights that are points leave nothing to chance.
+        for (name, lights) in light_sets(&scene, &tracer).into_iter().take(5) {
+            let inputs = Inputs::new(lights, TreeBuilder::Binned);
+            let spec = StochasticLightcutsSpec {
+                cut: CutSize(65536),
+                ..Default::default()
+            };
+            let method = StochasticLightcuts::prepare(&spec, &inputs);
+            for x in gather_points(&scene) {
+                let value = |sample| {
+                    let shape = VirtualShape::Sphere;
+                    let (exact, _) = at(&all_lights(&inputs), &inputs, &tracer, shape, &x, sample);
+                    let (value, _) = at(&method, &inputs, &tracer, shape, &x, sample);
+                    (value, exact)
+                };
+                for (value, exact) in (0..4).map(value) {
+                    let off: DVec3 = (value - exact).abs();
+                    assert!(
+                        off.max_element() <= 1e-6 * exact.max_element(),
+                        "{name} at {}: {value} instead of {exact}",
+                        x.position
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn samples_that_end_in_a_dead_branch_are_counted() {
+        let scene = room(false);
+        let tracer = Tracer::build(&scene);
+        let x = gather_points(&scene)[0];
+        // Two lights below the point's horizon, whose box reaches above it, and one above.
+        let mut lights = LightSet::default();
+        let slope = (x.ns + Vec3::X).normalize();
+        let (across, p) = (Vec3::Z, x.position);
+        let tilted = GatherPoint {
+            ns: slope,
+            ng: slope,
+            receiver: light_tree::Receiver::new(p, slope),
+            ..x
+        };
+        lights.push_point(p + Vec3::new(1.0, -1.5, 0.0) + 0.1 * across, Vec3::ONE);
+        lights.push_point(p + Vec3::new(-1.5, 1.0, 0.0), Vec3::ONE);
+        lights.push_point(p + Vec3::new(9.0, 9.0, 0.0), Vec3::ONE);
+        let inputs = Inputs::new(lights, TreeBuilder::Binned);
+        let tree = inputs.tree().expect("has lights");
+        let weights = NodeWeights::Yuksel2019;
+        let (_, dead) = tree.pmf_below(weights, &tilted.receiver, tree.root());
+        assert!(
+            dead > 0.05 && dead < 0.95,
+            "the case has a dead branch: {dead}"
+        );
+        let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+            cut: CutSize(1),
+            ..Default::default()
+        });
+        let count = 10_000;
+        let estimates = Estimates {
+            scene: &scene,
+            inputs: &inputs,
+            tracer: &tracer,
+            x: tilted,
+            count,
+            seed: 5,
+        };
+        let (_, _, counters) = method.visit(&inputs, estimates);
+        let expected = f64::from(count) * dead;
+        let deviation = (expected * (1.0 - dead)).sqrt();
+        let z = (counters.dead_samples as f64 - expected) / deviation;
+        // At 5 sigma a false alarm is 6e-7.
+        assert!(
+            z.abs() < 5.0,
+            "{} instead of {expected}",
+            counters.dead_samples
+        );
     }
 }

@@ -173,12 +173,12 @@ fn unsound(what: String) -> Error {
 mod tests {
     use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-    use super::super::tests::{floor_scene, lights, spec};
+    use super::super::tests::{floor_scene, lights, sharing, spec};
     use super::*;
     use crate::{Inputs, MethodSpec, RenderSpec};
     use scene::trace::Tracer;
 
-    /// Calls `f` with a way to make a render of so many samples a pixel.
+    /// Calls `f` with a way to make a render of so many samples a pixel: with a cut at every point, and with shared ones.
     fn with_renders(f: impl Fn(&dyn Fn(u32) -> Render<'static>)) {
         let scene = Box::leak(Box::new(floor_scene()));
         let tracer: &Tracer = Box::leak(Box::new(Tracer::build(scene)));
@@ -186,9 +186,11 @@ mod tests {
             lights(50),
             light_tree::TreeBuilder::Binned,
         )));
-        let method: &MethodSpec = Box::leak(Box::new(MethodSpec::default()));
         let scene: &scene::Scene = scene;
-        f(&|spp| Render::new(scene, tracer, inputs, method, RenderSpec { spp, ..spec() }));
+        for share in [1, 3] {
+            let method: &MethodSpec = Box::leak(Box::new(sharing(share)));
+            f(&|spp| Render::new(scene, tracer, inputs, method, RenderSpec { spp, ..spec() }));
+        }
     }
 
     fn finish(render: &mut Render<'_>) {

@@ -62,17 +62,24 @@ pub(super) fn spec() -> RenderSpec {
     }
 }
 
-fn rendered(spec: RenderSpec, threads: usize) -> Picture {
+/// Stochastic lightcuts with one cut for blocks of so many pixels along an edge.
+pub(super) fn sharing(edge: u64) -> MethodSpec {
+    MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+        share: edge.try_into().expect("in range"),
+        ..Default::default()
+    })
+}
+
+fn rendered(spec: RenderSpec, method: &MethodSpec, threads: usize) -> Picture {
     let scene = floor_scene();
     let tracer = Tracer::build(&scene);
     let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
-    let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec::default());
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .expect("thread pool");
     pool.install(|| {
-        let mut render = Render::new(&scene, &tracer, &inputs, &method, spec);
+        let mut render = Render::new(&scene, &tracer, &inputs, method, spec);
         while render.pass(&|_| ()).is_some() {}
         render.picture()
     })
@@ -80,16 +87,18 @@ fn rendered(spec: RenderSpec, threads: usize) -> Picture {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let one = rendered(spec(), 1);
-    assert!(
-        one.radiance.iter().any(|c| *c != Vec3::ZERO),
-        "there is a picture"
-    );
-    for threads in [2, 5] {
+    for method in [sharing(1), sharing(5)] {
+        let one = rendered(spec(), &method, 1);
         assert!(
-            rendered(spec(), threads) == one,
-            "{threads} threads differ from one"
+            one.radiance.iter().any(|c| *c != Vec3::ZERO),
+            "there is a picture"
         );
+        for threads in [2, 5] {
+            assert!(
+                rendered(spec(), &method, threads) == one,
+                "{threads} threads differ from one with {method:?}"
+            );
+        }
     }
 }
 
@@ -137,6 +146,12 @@ fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
 
 #[test]
 fn shards_put_together_are_the_whole() {
+    for method in [sharing(1), sharing(8)] {
+        shards_are_the_whole_with(&method);
+    }
+}
+
+fn shards_are_the_whole_with(method: &MethodSpec) {
     let parts: Vec<_> = (0..3)
         .map(|index| {
             (
@@ -146,13 +161,17 @@ fn shards_put_together_are_the_whole() {
                         shard: Shard { index, count: 3 },
                         ..spec()
                     },
+                    method,
                     2,
                 ),
             )
         })
         .collect();
     let merged = Picture::merge(&parts).expect("three disjoint shards");
-    assert!(merged == rendered(spec(), 2), "merged shards differ");
+    assert!(
+        merged == rendered(spec(), method, 2),
+        "merged shards differ with {method:?}"
+    );
 }
 
 #[test]

@@ -122,8 +122,8 @@ fn brightest_of(texture: &Texture, uvs: [Vec2; 3], of_all: Vec3) -> Vec3 {
     let lo = (a.min(b).min(c) * size).floor() - 1.0;
     let hi = (a.max(b).max(c) * size).ceil() + 1.0;
     let extent = hi - lo;
-    // A comparison with NaN is false.
-    if !(extent.x * extent.y <= MOST_TEXELS) {
+    let texels = extent.x * extent.y;
+    if texels.is_nan() || texels > MOST_TEXELS {
         return of_all;
     }
     let mut most = Vec3::ZERO;

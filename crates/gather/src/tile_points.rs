@@ -1,0 +1,19 @@
+//! What a method may look at before a tile is begun.
+
+use sampling::{Purpose, Rng};
+
+use crate::point::GatherPoint;
+
+/// The gather points of one pass over a tile, before the first of them is handed to a method.
+#[derive(Clone, Copy)]
+pub struct TilePoints<'a> {
+    /// All of them in the order in which they are handed over: pixel by pixel, row by row; sample by sample; along the
+    /// eye path. A pixel sample that sees nothing has none.
+    pub points: &'a [GatherPoint],
+    /// Pixels in a row of the tile.
+    pub width: u32,
+    /// Samples of each pixel: a point's slot is pixel × samples + sample.
+    pub samples: u32,
+    /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.
+    pub stream: &'a dyn Fn(u32, Purpose) -> Rng,
+}
