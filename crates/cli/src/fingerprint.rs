@@ -39,8 +39,15 @@ impl Fnv {
         self.word(count);
     }
 
+    /// Takes bytes, four at a time, and their number.
+    pub(crate) fn file(&mut self, bytes: &[u8]) {
+        let (words, rest) = bytes.as_chunks();
+        self.words(words.iter().map(|&word| u32::from_le_bytes(word)));
+        self.bytes(rest);
+    }
+
     /// Takes what `{:?}` shows, which tells floats apart to the bit.
-    fn debug(&mut self, value: &impl Debug) {
+    pub(crate) fn debug(&mut self, value: &impl Debug) {
         // Taking text cannot fail.
         let _ = write!(self, "{value:?};");
     }

@@ -182,7 +182,17 @@ impl<'a> Render<'a> {
     ///
     /// `tile_done` is called from many threads after each tile, with the share of the pass that it was.
     pub fn pass(&mut self, tile_done: &(impl Fn(f64) + Sync)) -> Option<Pass> {
-        let samples = self.next_samples();
+        self.pass_of_at_most(u32::MAX, tile_done)
+    }
+
+    /// [`Render::pass`] with at most so many samples a pixel, for who has a budget to keep: only a method that
+    /// takes whole pixels sees a difference in anything but time.
+    pub fn pass_of_at_most(
+        &mut self,
+        most: u32,
+        tile_done: &(impl Fn(f64) + Sync),
+    ) -> Option<Pass> {
+        let samples = self.next_samples().min(most);
         if samples == 0 {
             return None;
         }

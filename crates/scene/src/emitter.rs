@@ -145,3 +145,33 @@ impl Scene {
         }
     }
 }
+
+impl Emitter {
+    /// The light, moved by `offset` (scene units, finite). Parallel light has no place, and a triangle stays where the
+    /// mesh has it.
+    pub fn moved_by(self, offset: Vec3) -> Self {
+        match self {
+            Self::Directional { .. } | Self::Triangle { .. } => self,
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                cos_inner,
+                cos_outer,
+            } => Self::Spot {
+                position: position + offset,
+                direction,
+                intensity,
+                cos_inner,
+                cos_outer,
+            },
+            Self::Point {
+                position,
+                intensity,
+            } => Self::Point {
+                position: position + offset,
+                intensity,
+            },
+        }
+    }
+}
