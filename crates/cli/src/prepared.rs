@@ -135,6 +135,7 @@ pub(crate) fn render<'a>(
             spp: job.spp,
             seed: job.seed,
             shape: job.shape(),
+            integrator: job.integrator,
             shard,
         },
     )
