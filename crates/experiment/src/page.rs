@@ -22,7 +22,12 @@ use crate::{ExperimentError, Outcome};
 
 const TEMPLATE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
-const SCRIPT: &str = include_str!("page/page.js");
+/// One script: they share their names.
+const SCRIPTS: [&str; 3] = [
+    include_str!("page/pictures.js"),
+    include_str!("page/comparer.js"),
+    include_str!("page/tables.js"),
+];
 
 /// All that the page shows.
 #[derive(Serialize)]
@@ -157,14 +162,27 @@ pub fn write_page(
     let data = serde_json::to_string(&data)
         .map_err(|error| ExperimentError::Page(error.to_string()))?
         .replace('<', "\\u003c");
-    let page = TEMPLATE
-        .replace("{{title}}", &escaped(&results.title))
-        .replace("{{style}}", STYLE.trim_end())
-        .replace("{{script}}", SCRIPT.trim_end())
-        // Last, for its text may hold anything.
-        .replace("{{data}}", &data);
+    let page = filled(|name| match name {
+        "title" => escaped(&results.title),
+        "style" => STYLE.to_owned(),
+        "scripts" => SCRIPTS.join("\n"),
+        "data" => data.clone(),
+        _ => unreachable!("the template has no other gap: {name}"),
+    });
     let path = store.folder().join("index.html");
     write_with(&path, |file| file.write_all(page.as_bytes()))
+}
+
+/// The template with its gaps `{{name}}` filled, in one go: what fills them may hold anything.
+fn filled(value: impl Fn(&str) -> String) -> String {
+    let mut parts = TEMPLATE.split("{{");
+    let mut page = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (name, rest) = part.split_once("}}").unwrap_or((part, ""));
+        page.push_str(&value(name));
+        page.push_str(rest);
+    }
+    page
 }
 
 /// Text as HTML.
@@ -366,8 +384,9 @@ mod tests {
 
     #[test]
     fn text_cannot_end_the_script() {
-        let (_folder, page) = page(|r| r.title = "</script><b>{{script}}".into());
+        let (_folder, page) = page(|r| r.title = "</script><b>{{scripts}}".into());
         assert_eq!(page.matches("</script>").count(), 1, "the script's own end");
+        assert_eq!(page.matches("\nbegin();").count(), 1, "the script once");
         assert!(page.contains("<title>&lt;/script>"), "the title");
     }
 

@@ -46,7 +46,7 @@ fn table(results: &Results, series: &[&Series<'_>]) -> String {
         "CPU s",
         "Mrays",
         "relmse",
-        "FLIP",
+        "HDR-FLIP",
         "bias",
         "relmse × CPU s",
     ];
