@@ -311,6 +311,8 @@ struct PassOf<'a, F> {
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
+    /// What is seen without a surface that reflects it, by pixel sample.
+    seen: Vec<(u32, Vec3)>,
     features: Vec<Features>,
     method: S,
 }
@@ -345,6 +347,7 @@ impl<F> PassOf<'_, F> {
         }
         let started = Instant::now();
         scratch.points.clear();
+        scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
         for i in 0..tile.pixels.len() {
             for sample in tile.done..self.until {
@@ -357,12 +360,16 @@ impl<F> PassOf<'_, F> {
         let slots = tile.pixels.len() * samples;
         let lights = &self.inputs.lights;
         let mut queue = ShadowQueue::new(
+            self.scene,
             lights,
             self.tracer,
             self.spec.shape,
             slots,
             &mut scratch.queue,
         );
+        for &(slot, radiance) in &scratch.seen {
+            queue.add_seen(slot, radiance);
+        }
         let stream = |slot: u32, purpose| {
             let pixel = self.pixel_index(tile, slot as usize / samples);
             let sample = tile.done + slot % samples as u32;
@@ -434,7 +441,20 @@ impl<F> PassOf<'_, F> {
             direction,
             t_max: f32::INFINITY,
         };
-        let Some(hit) = self.tracer.closest(&ray) else {
+        let hit = self.tracer.closest(&ray);
+        if self.scene.has_visible_lights() {
+            let radiance = match &hit {
+                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
+                None => {
+                    let environment = self.scene.environment.as_ref();
+                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
+                }
+            };
+            if radiance != Vec3::ZERO {
+                scratch.seen.push((slot, radiance));
+            }
+        }
+        let Some(hit) = hit else {
             return;
         };
         let surface = self.scene.surface(&hit, direction);

@@ -11,4 +11,7 @@ mod warp;
 pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use rng::{Purpose, Rng};
-pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};
+pub use warp::{
+    Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_disc, uniform_sphere,
+    uniform_triangle,
+};

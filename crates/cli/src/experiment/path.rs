@@ -86,7 +86,9 @@ mod tests {
         let mut found = Vec::new();
         for frame in 0..5 {
             still.pose(&mut scene, Some(&path), frame);
-            let Emitter::Point { position, .. } = scene.emitters[0];
+            let Emitter::Point { position, .. } = scene.emitters[0] else {
+                panic!("another light: {:?}", scene.emitters[0]);
+            };
             found.push(position - Vec3::ONE);
         }
         let expected = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 2.0)];
