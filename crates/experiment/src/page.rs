@@ -121,16 +121,11 @@ impl<'a> Row<'a> {
 }
 
 /// Writes `index.html` and the pictures it shows, those of cells whose EXR was kept, into the store's folder.
-/// `plots` and `animations` are there already.
+/// Plots and previews of animations are there already.
 ///
 /// # Errors
 /// Names the file that could not be read or written.
-pub fn write_page(
-    store: &Store,
-    results: &Results,
-    plots: &[Plot],
-    animations: &[Flickering],
-) -> Result<(), ExperimentError> {
+pub fn write_page(store: &Store, results: &Results, plots: &[Plot]) -> Result<(), ExperimentError> {
     let series = results.series();
     let with_tree = results.has_trees();
     let mut failures: Vec<String> = Vec::new();
@@ -155,7 +150,7 @@ pub fn write_page(
         places: places(store, results, with_tree)?,
         series: series.iter().map(|s| Row::of(s, with_tree)).collect(),
         plots,
-        animations,
+        animations: &results.animations,
         failures,
     };
     // `<` would let text end the script.
@@ -354,7 +349,7 @@ mod tests {
             let path = store.cell(key, "exr");
             image(1.1).write_exr(&path, &[]).expect("writes");
         }
-        write_page(&store, &results, &[], &[]).expect("writes");
+        write_page(&store, &results, &[]).expect("writes");
         let text = std::fs::read_to_string(folder.path().join("index.html"));
         (folder, text.expect("reads"))
     }

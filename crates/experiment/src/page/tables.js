@@ -80,9 +80,9 @@ function begin() {
     return figure;
   }));
   byId("animation").hidden = results.animations.length === 0;
-  table(byId("flicker"), ["scene", "lights", "method", "budget", "per pixel", "blocks of 8 × 8"],
+  table(byId("flicker"), ["scene", "lights", "method", "budget", "per pixel", "blocks of 8 × 8", "pattern"],
     results.animations.map((a) => [text(a.scene), text(a.lights), text(a.label), text(a.budget),
-      spread({ median: a.pixel }), spread({ median: a.block })]));
+      spread({ median: a.pixel }), spread({ median: a.block }), spread(a.pattern === null ? null : { median: a.pattern })]));
   byId("previews").append(...results.animations.map((a) => {
     const figure = make("figure"), image = make("img");
     image.src = `animations/${a.preview}`;
