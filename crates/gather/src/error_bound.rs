@@ -263,6 +263,8 @@ mod tests {
             brdf,
             strength: Vec3::ONE,
             slot: 0,
+            bounce: 0,
+            shares_hits: false,
             receiver: Receiver::new(position, ns),
         })
     }

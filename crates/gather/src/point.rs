@@ -21,6 +21,11 @@ pub struct GatherPoint {
     pub strength: Vec3,
     /// Pixel sample that the point belongs to, an index the renderer gives.
     pub slot: u32,
+    /// Surfaces between the point and the first hit of its path, that one counted: 0 for the first hit.
+    pub bounce: u32,
+    /// Whether lights that can be hit are met by a ray that goes on from here as well, so that sampling them is to find
+    /// only its share.
+    pub shares_hits: bool,
     /// The point as a light tree sees it.
     pub receiver: Receiver,
 }
@@ -37,6 +42,8 @@ impl GatherPoint {
             brdf: surface.brdf,
             strength,
             slot,
+            bounce: 0,
+            shares_hits: false,
             receiver: Receiver::new(position, surface.ns),
         }
     }

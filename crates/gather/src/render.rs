@@ -16,6 +16,7 @@ use crate::Inputs;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
+use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
 use crate::tile_points::TilePoints;
@@ -33,6 +34,8 @@ pub struct RenderSpec {
     pub seed: u64,
     /// How virtual lights shine.
     pub shape: VirtualShape,
+    /// Which light paths are followed.
+    pub integrator: Integrator,
     /// Which part of the picture; all of it by default.
     pub shard: Shard,
 }
@@ -349,10 +352,11 @@ impl<F> PassOf<'_, F> {
         scratch.points.clear();
         scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
+        let mut bounce_rays = 0;
         for i in 0..tile.pixels.len() {
             for sample in tile.done..self.until {
                 let slot = i * samples + (sample - tile.done) as usize;
-                self.eye_path(tile, i, sample, slot as u32, scratch);
+                bounce_rays += self.eye_path(tile, i, sample, slot as u32, scratch);
             }
         }
         let eye = started.elapsed();
@@ -370,11 +374,14 @@ impl<F> PassOf<'_, F> {
         for &(slot, radiance) in &scratch.seen {
             queue.add_seen(slot, radiance);
         }
-        let stream = |slot: u32, purpose| {
+        // Every vertex of a path has streams of its own.
+        let vertex_stream = |slot: u32, bounce: u32, purpose| {
             let pixel = self.pixel_index(tile, slot as usize / samples);
             let sample = tile.done + slot % samples as u32;
-            Rng::new(self.spec.seed, pixel, u64::from(sample), purpose)
+            let number = u64::from(bounce) << 32 | u64::from(sample);
+            Rng::new(self.spec.seed, pixel, number, purpose)
         };
+        let stream = |slot: u32, purpose| vertex_stream(slot, 0, purpose);
         let handed = TilePoints {
             points: &scratch.points,
             width: tile.width,
@@ -389,8 +396,9 @@ impl<F> PassOf<'_, F> {
             if self.stop.load(Ordering::Relaxed) {
                 return; // nothing of this tile is kept
             }
-            let rng = &mut stream(xs[0].slot, Purpose::Lights);
-            queue.begin_points(xs.len(), stream(xs[0].slot, Purpose::LightSurface));
+            let of_vertex = |purpose| vertex_stream(xs[0].slot, xs[0].bounce, purpose);
+            let rng = &mut of_vertex(Purpose::Lights);
+            queue.begin_points(xs.len(), of_vertex(Purpose::LightSurface));
             match xs {
                 [x] => method.point(x, &mut queue, rng, &mut scratch.method),
                 xs => method.pixel(xs, &mut queue, rng, &mut scratch.method),
@@ -409,6 +417,7 @@ impl<F> PassOf<'_, F> {
         tile.done = self.until;
         tile.counters.merge(&counters);
         tile.counters.camera_rays += slots as u64;
+        tile.counters.bounce_rays += bounce_rays;
         tile.counters.nanoseconds[Phase::Eye as usize] += eye.as_nanos() as u64;
     }
 
@@ -421,8 +430,16 @@ impl<F> PassOf<'_, F> {
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
     }
 
-    /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
-    fn eye_path<S>(&self, tile: &Tile, i: usize, sample: u32, slot: u32, scratch: &mut Scratch<S>) {
+    /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the
+    /// number of rays behind the first.
+    fn eye_path<S>(
+        &self,
+        tile: &Tile,
+        i: usize,
+        sample: u32,
+        slot: u32,
+        scratch: &mut Scratch<S>,
+    ) -> u64 {
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
@@ -443,19 +460,13 @@ impl<F> PassOf<'_, F> {
         };
         let hit = self.tracer.closest(&ray);
         if self.scene.has_visible_lights() {
-            let radiance = match &hit {
-                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
-                None => {
-                    let environment = self.scene.environment.as_ref();
-                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
-                }
-            };
+            let radiance = seen(self.scene, direction, hit.as_ref());
             if radiance != Vec3::ZERO {
                 scratch.seen.push((slot, radiance));
             }
         }
         let Some(hit) = hit else {
-            return;
+            return 0;
         };
         let surface = self.scene.surface(&hit, direction);
         let features = &mut scratch.features[i];
@@ -463,11 +474,25 @@ impl<F> PassOf<'_, F> {
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        scratch
-            .points
-            .push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
+        let first = GatherPoint::new(&surface, -direction, Vec3::ONE, slot);
+        match self.spec.integrator {
+            Integrator::Direct => {
+                scratch.points.push(first);
+                0
+            }
+            Integrator::Path { max_bounces } => {
+                let walk = Walk {
+                    scene: self.scene,
+                    tracer: self.tracer,
+                    max_bounces,
+                };
+                walk.follow(first, &mut rng, &mut scratch.points, &mut scratch.seen)
+            }
+        }
     }
 }
 
+#[cfg(test)]
+mod analytic;
 #[cfg(test)]
 mod tests;
