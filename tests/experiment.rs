@@ -64,7 +64,12 @@ fn rows(folder: &Folder, name: &str) -> Vec<BTreeMap<String, String>> {
 
 /// The finished cells and when their files were written.
 fn cells(folder: &Folder, out: &str) -> BTreeMap<PathBuf, std::time::SystemTime> {
-    let below = folder.path(out).join("cells");
+    records(folder, &format!("{out}/cells"))
+}
+
+/// The JSON files in a folder and when they were written.
+fn records(folder: &Folder, below: &str) -> BTreeMap<PathBuf, std::time::SystemTime> {
+    let below = folder.path(below);
     let files = folder.files().into_iter();
     let own = files.filter(|f| f.starts_with(&below) && f.extension().is_some_and(|e| e == "json"));
     own.map(|f| {
@@ -169,10 +174,14 @@ fn a_second_run_renders_nothing_and_a_changed_one_only_what_changed() {
         "the same table"
     );
 
+    let references = records(&folder, "out/rooms/references");
+    assert_eq!(references.len(), 2, "one for each light set");
     change(&folder, "seeds: [1, 2]", "seeds: [1, 2, 3]");
     folder.run("experiment rooms.ron --quiet").fine();
     let more = cells(&folder, "out/rooms");
     assert_eq!(more.len(), 24, "a seed more");
+    let kept = records(&folder, "out/rooms/references");
+    assert_eq!(kept, references, "the references serve again");
     assert!(
         first.iter().all(|old| more.get(old.0) == Some(old.1)),
         "the old ones stay"
@@ -184,6 +193,8 @@ fn a_second_run_renders_nothing_and_a_changed_one_only_what_changed() {
     folder.write("rooms.ron", EXPERIMENT);
     folder.run("experiment rooms.ron --quiet").fine();
     assert_eq!(cells(&folder, "out/rooms").len(), 24 + 16, "all anew");
+    let kept = records(&folder, "out/rooms/references");
+    assert_eq!(kept.len(), 2 + 2, "references of the new scene");
     assert_eq!(rows(&folder, "out/rooms/results.csv").len(), 16, "rows");
 }
 
