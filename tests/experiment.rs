@@ -364,6 +364,39 @@ fn an_animation_has_frames_a_flicker_and_a_preview() {
 }
 
 #[test]
+fn paths_are_brighter_than_direct_light_and_agree_with_their_reference() {
+    let folder = with_experiment();
+    let virtual_lights = "(name: \"virtual\", lights: Virtual(count: 300, max_bounces: 3)),";
+    let paths = EXPERIMENT
+        .replace(virtual_lights, "")
+        .replace("seeds:", "integrator: Path(max_bounces: 2), seeds:");
+    folder.write("paths.ron", &paths);
+    folder.write(
+        "direct.ron",
+        paths.replace("integrator: Path(max_bounces: 2), ", ""),
+    );
+    for name in ["paths", "direct"] {
+        folder.run(&format!("experiment {name}.ron --quiet")).fine();
+        for row in rows(&folder, &format!("out/{name}/results.csv")) {
+            let number = |key: &str| row[key].parse::<f64>().unwrap_or(f64::NAN);
+            assert!(number("bias").abs() < 5.0 * number("bias_95"), "{row:?}");
+        }
+    }
+    let mean = |name: &str| {
+        let files = folder.files().into_iter();
+        let own = |f: &PathBuf| f.starts_with(folder.path(&format!("out/{name}/references")));
+        let exr = |f: &PathBuf| f.extension().is_some_and(|e| e == "exr");
+        let path = files.filter(own).find(exr).expect("a reference");
+        let image = film::read_image(&path).unwrap_or_else(|e| panic!("{e}"));
+        image.pixels.iter().map(|p| p.element_sum()).sum::<f32>()
+    };
+    assert!(
+        mean("paths") > 1.1 * mean("direct"),
+        "reflected light is missing"
+    );
+}
+
+#[test]
 fn the_quick_form_goes_to_a_folder_of_its_own() {
     let folder = with_experiment();
     folder.run("experiment rooms.ron --quick --quiet").fine();

@@ -50,6 +50,10 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
         .collect();
     let spec: Spec = ron_file::read(file, &[], &bare)?;
     refuse_reference(file, &spec)?;
+    let lights = spec.lights.0.iter().map(|entry| &entry.lights);
+    if let Some(message) = lights.filter_map(|l| spec.integrator.conflict(l)).next() {
+        return Err(error_at(file, "integrator", message));
+    }
     let spec = match arguments.quick {
         true => spec.quick(),
         false => spec,
