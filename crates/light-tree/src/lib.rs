@@ -15,6 +15,7 @@ mod cut;
 mod emission;
 mod energy_variance;
 mod error_bound;
+mod light;
 mod lights;
 mod lobe;
 mod order;
@@ -33,10 +34,10 @@ pub use cut::Cut;
 pub use emission::{Emission, Profile};
 pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
-pub use lights::{
-    EnvironmentCell, Gloss, LightId, LightKind, LightSet, SpotCone, TriangleLight, VirtualLight,
-    luminance,
+pub use light::{
+    EnvironmentCell, Gloss, LightId, LightKind, SpotCone, TriangleLight, VirtualLight, luminance,
 };
+pub use lights::LightSet;
 pub use lobe::Lobe;
 pub use order::LightOrder;
 pub use representative::Representatives;
