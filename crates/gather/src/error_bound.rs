@@ -216,6 +216,8 @@ mod tests {
             brdf,
             strength: Vec3::ONE,
             slot: 0,
+            sample: 0,
+            sequence: sampling::Sequence(0),
             receiver: Receiver::new(position, ns),
         })
     }

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use light_tree::Receiver;
+use sampling::Sequence;
 use scene::{Brdf, Surface};
 
 /// A point of an eye path where light is gathered.
@@ -21,12 +22,16 @@ pub struct GatherPoint {
     pub strength: Vec3,
     /// Pixel sample that the point belongs to, an index the renderer gives.
     pub slot: u32,
+    /// Which sample of its pixel it belongs to, from 0: low-discrepancy sequences run along it.
+    pub sample: u32,
+    /// The pixel's sequence.
+    pub sequence: Sequence,
     /// The point as a light tree sees it.
     pub receiver: Receiver,
 }
 
 impl GatherPoint {
-    /// The point at `surface`, seen along `-wo`.
+    /// The point at `surface`, seen along `-wo`, as sample 0 of any pixel.
     pub fn new(surface: &Surface, wo: Vec3, strength: Vec3, slot: u32) -> Self {
         let position = surface.ray_origin();
         Self {
@@ -37,6 +42,8 @@ impl GatherPoint {
             brdf: surface.brdf,
             strength,
             slot,
+            sample: 0,
+            sequence: Sequence(0),
             receiver: Receiver::new(position, surface.ns),
         }
     }

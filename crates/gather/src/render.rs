@@ -8,7 +8,7 @@ use std::time::Instant;
 use film::{Picture, PixelStats};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use sampling::{Purpose, Rng};
+use sampling::{Purpose, Rng, Sequence};
 use scene::trace::{Ray, Tracer};
 use scene::{Camera, Scene};
 
@@ -301,8 +301,21 @@ struct PassOf<'a, F> {
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
+    pilots: Vec<GatherPoint>,
     features: Vec<Features>,
     method: S,
+}
+
+/// Where an eye path starts.
+#[derive(Clone, Copy)]
+struct EyePath {
+    /// Number of the pixel in the tile.
+    pixel: usize,
+    /// Place in the pixel, each coordinate in [0, 1).
+    place: [f32; 2],
+    sample: u32,
+    sequence: Sequence,
+    slot: u32,
 }
 
 impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
@@ -337,10 +350,29 @@ impl<F> PassOf<'_, F> {
         scratch.points.clear();
         scratch.features.clone_from(&tile.features);
         for i in 0..tile.pixels.len() {
+            let pixel = self.pixel_index(tile, i);
+            let sequence = Sequence(Rng::new(self.spec.seed, pixel, 0, Purpose::Sequence).u32());
             for sample in tile.done..self.until {
-                let slot = i * samples + (sample - tile.done) as usize;
-                self.eye_path(tile, i, sample, slot as u32, scratch);
+                let place = if M::STRATIFIED {
+                    [0, 1].map(|dimension| sequence.f32(sample, dimension))
+                } else {
+                    let mut rng = Rng::new(self.spec.seed, pixel, u64::from(sample), Purpose::Eye);
+                    [rng.f32(), rng.f32()]
+                };
+                let start = EyePath {
+                    pixel: i,
+                    place,
+                    sample,
+                    sequence,
+                    slot: (i * samples) as u32 + sample - tile.done,
+                };
+                self.eye_path(tile, start, scratch);
             }
+        }
+        scratch.pilots.clear();
+        if M::PILOTS {
+            let pilots = (0..tile.pixels.len()).filter_map(|i| self.pilot(tile, i));
+            scratch.pilots.extend(pilots);
         }
         let eye = started.elapsed();
 
@@ -362,6 +394,7 @@ impl<F> PassOf<'_, F> {
             points: &scratch.points,
             width: tile.width,
             samples: samples as u32,
+            pilots: &scratch.pilots,
             stream: &stream,
         };
         method.begin_tile(&handed, &mut scratch.method);
@@ -404,21 +437,33 @@ impl<F> PassOf<'_, F> {
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
     }
 
+    /// What is seen at the centre of the tile's `i`-th pixel if that is every fourth in every fourth row.
+    fn pilot(&self, tile: &Tile, i: usize) -> Option<GatherPoint> {
+        let (x, y) = (i as u32 % tile.width, i as u32 / tile.width);
+        if x % 4 != 2 || y % 4 != 2 {
+            return None;
+        }
+        let at = |start: u32, offset: u32| (start + offset) as f32 + 0.5;
+        let direction = self.camera.direction(at(tile.x, x), at(tile.y, y));
+        let hit = self.tracer.closest(&Ray {
+            origin: self.camera.origin(),
+            direction,
+            t_max: f32::INFINITY,
+        })?;
+        let surface = self.scene.surface(&hit, direction);
+        Some(GatherPoint::new(&surface, -direction, Vec3::ONE, 0))
+    }
+
     /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
-    fn eye_path<S>(&self, tile: &Tile, i: usize, sample: u32, slot: u32, scratch: &mut Scratch<S>) {
+    fn eye_path<S>(&self, tile: &Tile, start: EyePath, scratch: &mut Scratch<S>) {
+        let i = start.pixel;
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
         );
-        let mut rng = Rng::new(
-            self.spec.seed,
-            self.pixel_index(tile, i),
-            u64::from(sample),
-            Purpose::Eye,
-        );
         let direction = self
             .camera
-            .direction(x as f32 + rng.f32(), y as f32 + rng.f32());
+            .direction(x as f32 + start.place[0], y as f32 + start.place[1]);
         let ray = Ray {
             origin: self.camera.origin(),
             direction,
@@ -433,9 +478,11 @@ impl<F> PassOf<'_, F> {
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        scratch
-            .points
-            .push(GatherPoint::new(&surface, -direction, Vec3::ONE, slot));
+        scratch.points.push(GatherPoint {
+            sample: start.sample,
+            sequence: start.sequence,
+            ..GatherPoint::new(&surface, -direction, Vec3::ONE, start.slot)
+        });
     }
 }
 

@@ -6,9 +6,11 @@
 mod alias;
 mod discrete;
 mod rng;
+mod sequence;
 mod warp;
 
 pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use rng::{Purpose, Rng};
+pub use sequence::Sequence;
 pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};

@@ -1,0 +1,124 @@
+//! Stratified lightcuts: a shared, fine cut, and lights drawn from it so that all samples of a pixel complement each
+//! other.
+//!
+//! What it adds to Stochastic Lightcuts (Yuksel 2019): a cut of hundreds of clusters, made once for a tile and weighed
+//! for each point eight clusters at a time, takes the place of ten clusters a point; weights estimate rather than bound
+//! what a cluster brings; and the draws of all of a pixel's samples follow one low-discrepancy sequence along the
+//! tree's order, together with the places in the pixel.
+
+use light_tree::{Draws, SharedCut, WideTree};
+use sampling::Rng;
+use serde::Deserialize;
+
+use super::stochastic_lightcuts::CutSize;
+use super::{Method, SampleCount};
+use crate::Inputs;
+use crate::counters::Phase;
+use crate::point::GatherPoint;
+use crate::shadow_queue::LightEval;
+use crate::tile_points::TilePoints;
+
+/// Weighs a tile's clusters at each point and draws lights at even distances along them. Unbiased.
+#[derive(Debug)]
+pub struct StratifiedLightcuts<'a> {
+    spec: StratifiedLightcutsSpec,
+    tree: Option<&'a WideTree>,
+}
+
+/// Settings of [`StratifiedLightcuts`].
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StratifiedLightcutsSpec {
+    /// Lights a point, in 1..=65536.
+    pub samples: SampleCount,
+    /// Clusters that a tile shares, in 1..=65536.
+    pub clusters: CutSize,
+    /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
+    pub stratify: bool,
+}
+
+impl Default for StratifiedLightcutsSpec {
+    fn default() -> Self {
+        Self {
+            samples: SampleCount::of(10),
+            clusters: CutSize(256),
+            stratify: true,
+        }
+    }
+}
+
+/// Clusters of a point that no tile's cut was made for.
+const OWN_CLUSTERS: usize = 64;
+/// The sequence's dimension that chooses lights, after the two of the place in the pixel.
+const LIGHTS: u32 = 2;
+
+/// Memory of [`StratifiedLightcuts`].
+#[derive(Debug, Default)]
+pub struct StratifiedScratch {
+    shared: SharedCut,
+    own: SharedCut,
+    draws: Draws,
+}
+
+impl<'a> Method<'a> for StratifiedLightcuts<'a> {
+    type Spec = StratifiedLightcutsSpec;
+    type Scratch = StratifiedScratch;
+    const PILOTS: bool = true;
+    const STRATIFIED: bool = true;
+
+    fn prepare(spec: &StratifiedLightcutsSpec, inputs: &'a Inputs) -> Self {
+        Self {
+            spec: spec.clone(),
+            tree: inputs.wide_tree(),
+        }
+    }
+
+    fn is_unbiased(&self) -> bool {
+        true
+    }
+
+    fn begin_tile(&self, tile: &TilePoints<'_>, scratch: &mut StratifiedScratch) {
+        let Some(tree) = self.tree else { return };
+        let receivers: Vec<_> = tile.pilots.iter().map(|x| x.receiver).collect();
+        scratch
+            .shared
+            .refine(tree, &receivers, self.spec.clusters.get());
+    }
+
+    fn point<E: LightEval>(
+        &self,
+        x: &GatherPoint,
+        eval: &mut E,
+        rng: &mut Rng,
+        scratch: &mut StratifiedScratch,
+    ) {
+        let Some(tree) = self.tree else { return };
+        let StratifiedScratch { shared, own, draws } = scratch;
+        let cut = if shared.is_empty() {
+            own.refine(
+                tree,
+                &[x.receiver],
+                OWN_CLUSTERS.min(self.spec.clusters.get()),
+            );
+            own
+        } else {
+            shared
+        };
+        cut.weigh(tree, &x.receiver, draws);
+        eval.mark(Phase::Cut);
+        let u = if self.spec.stratify {
+            // The sequence ends at 2⁻²⁴: what chooses deep in the tree is random.
+            f64::from(x.sequence.f32(x.sample, LIGHTS)) + rng.f64() / 16_777_216.0
+        } else {
+            rng.f64()
+        };
+        cut.draw(tree, &x.receiver, self.spec.samples.get(), u, draws);
+        eval.mark(Phase::Select);
+        for drawn in draws.lights() {
+            eval.add(x, drawn.light, 1.0 / drawn.expected);
+        }
+        for _ in 0..draws.dead() {
+            eval.count_dead();
+        }
+    }
+}
