@@ -26,6 +26,8 @@ pub(crate) enum Command {
     Render(RenderArgs),
     /// Read everything a render would read and say what it needs, without rendering
     Check(CheckArgs),
+    /// Render a matrix of scenes, lights, methods, budgets and seeds: writes tables, plots and a page
+    Experiment(ExperimentArgs),
     /// Print error figures of an EXR against a reference
     Compare(CompareArgs),
     /// Combine the shards of one render into the whole picture
@@ -91,6 +93,24 @@ pub(crate) struct RenderArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) job: JobArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExperimentArgs {
+    /// Experiment (RON)
+    pub(crate) config: PathBuf,
+    /// Folder for the results, and where an ended run goes on; out/NAME when not given
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Small pictures, few lights, one seed: shows in minutes that it works
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Threads of each render; all processors when not given
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
+    pub(crate) threads: Option<u16>,
+    /// Say nothing but results and errors
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,7 @@
 //! `manylight check`.
 
 use gather::Plan;
+use light_tree::{LightKind, LightSet};
 use scene::trace::Tracer;
 
 use crate::answer::Answer;
@@ -13,7 +14,7 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
     let scene = scene::load::load(&job.scene)?;
     let tracer = Tracer::build(&scene);
-    let lights = vpl::source_lights(&scene.emitters);
+    let lights = vpl::source_lights(&scene);
     let notes = &scene.notes;
     let mut answer = Answer::default();
 
@@ -28,7 +29,7 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
         scene.materials.len(),
         scene.textures.len()
     ));
-    answer.line(format_args!("lights     {}", lights.len()));
+    answer.line(format_args!("lights     {}", described(&lights)));
     if let LightsSpec::Virtual(v) = job.lights {
         answer.line(format_args!(
             "           and about {} virtual ones, up to {} bounces",
@@ -49,6 +50,11 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
         ),
         (notes.zero_normals, "normals of length zero replaced"),
         (notes.zero_power_lights, "lights without power dropped"),
+        (notes.black_environments, "black environments dropped"),
+        (
+            notes.dark_emissive_triangles,
+            "emissive triangles that are black all over, or too large, dropped from the lights",
+        ),
         (
             notes.ignored_emissive_materials,
             "emissive materials not among the scene's lights",
@@ -80,4 +86,24 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     ));
     answer.print()?;
     job.refuse_too_large()
+}
+
+/// The number of lights of each kind that is there.
+fn described(lights: &LightSet) -> String {
+    let kinds = [
+        (LightKind::Omni, "point"),
+        (LightKind::Spot, "spot"),
+        (LightKind::Triangle, "triangle"),
+        (LightKind::Directional, "directional"),
+        (LightKind::Environment, "of the environment"),
+    ];
+    let counts = kinds.map(|(kind, name)| (lights.count(kind), name));
+    let there = counts.iter().filter(|(count, _)| *count > 0);
+    let parts: Vec<_> = there
+        .map(|(count, name)| format!("{count} {name}"))
+        .collect();
+    match parts.is_empty() {
+        true => "0".to_owned(),
+        false => parts.join(", "),
+    }
 }

@@ -1,5 +1,6 @@
 //! What ends a command early.
 
+use experiment::ExperimentError;
 use film::FilmError;
 use ron_file::RonError;
 use scene::SceneError;
@@ -16,6 +17,9 @@ pub(crate) enum CliError {
     /// A picture cannot be read, written or compared.
     #[error(transparent)]
     Film(#[from] FilmError),
+    /// An experiment's results cannot be read or written.
+    #[error(transparent)]
+    Experiment(#[from] ExperimentError),
     /// Anything else that was asked for and cannot be done.
     #[error("{0}")]
     Input(String),

@@ -39,8 +39,15 @@ impl Fnv {
         self.word(count);
     }
 
+    /// Takes bytes, four at a time, and their number.
+    pub(crate) fn file(&mut self, bytes: &[u8]) {
+        let (words, rest) = bytes.as_chunks();
+        self.words(words.iter().map(|&word| u32::from_le_bytes(word)));
+        self.bytes(rest);
+    }
+
     /// Takes what `{:?}` shows, which tells floats apart to the bit.
-    fn debug(&mut self, value: &impl Debug) {
+    pub(crate) fn debug(&mut self, value: &impl Debug) {
         // Taking text cannot fail.
         let _ = write!(self, "{value:?};");
     }
@@ -73,6 +80,12 @@ pub(crate) fn fingerprint(scene: &Scene) -> u64 {
     for emitter in &scene.emitters {
         hash.debug(emitter);
     }
+    hash.words(scene.emissive.iter().map(|&emits| u32::from(emits)));
+    if let Some(environment) = &scene.environment {
+        hash.debug(&environment.size());
+        let texels = environment.texels().iter();
+        hash.words(texels.flat_map(|t| t.to_array().map(f32::to_bits)));
+    }
     hash.debug(&scene.camera);
     hash.debug(&scene.metres_per_unit);
     hash.0
@@ -100,10 +113,11 @@ mod tests {
     fn any_change_of_content_shows() {
         let scene = Scene::default();
         let mut seen = vec![fingerprint(&scene)];
-        let changes: [fn(&mut Scene); 6] = [
+        let changes: [fn(&mut Scene); 7] = [
             |s| s.mesh.positions.push(Vec3::ZERO),
             |s| s.mesh.normals.push(Vec3::ZERO),
             |s| s.mesh.indices.push([0; 3]),
+            |s| s.environment = scene::Environment::constant(Vec3::ONE),
             |s| s.mesh.normal_indices.push([0; 3]),
             |s| s.camera.fov_y_deg = f32::from_bits(s.camera.fov_y_deg.to_bits() + 1),
             |s| {

@@ -229,7 +229,7 @@ impl TryFrom<f32> for Clamp {
 }
 
 /// Variants with fields that a run file may write without parentheses.
-const BARE: &[&str] = &["Virtual", "Vsl", "Vpl"];
+pub(crate) const BARE: &[&str] = &["Virtual", "Vsl", "Vpl"];
 
 /// A sound job: every number is in range and the scene file is there to be read.
 #[derive(Debug, Clone)]
@@ -273,25 +273,7 @@ impl Job {
             .file_stem()
             .map(|s| s.to_string_lossy().into_owned());
         let scene =
-            scene::load::expand(&spec.scene).map_err(|e| scene_error(arguments, &e.to_string()))?;
-        let scene = folder.join(scene);
-        if !scene.is_file() {
-            let what = match scene.is_dir() {
-                true => "is a folder",
-                false => "is not there",
-            };
-            let expected = match spec
-                .scene
-                .strip_prefix('$')
-                .and_then(|s| s.split('/').next())
-            {
-                Some(variable) => format!("{variable} to be {}", scene::load::SCENE_FOLDER),
-                None => "the path of a scene.ron, relative to the run file".into(),
-            };
-            let (found, file) = (&spec.scene, scene.display());
-            let message = format!("found {found:?}: {file} {what}; expected {expected}");
-            return Err(scene_error(arguments, &message));
-        }
+            find_scene(&spec.scene, folder).map_err(|message| scene_error(arguments, &message))?;
         Ok(Self {
             file: arguments.config.clone(),
             scene,
@@ -347,6 +329,27 @@ impl Job {
             _ => Ok(()),
         }
     }
+}
+
+/// The scene file that `found` names in a file in `folder`; else a message.
+pub(crate) fn find_scene(found: &str, folder: &Path) -> Result<PathBuf, String> {
+    let scene = scene::load::expand(found).map_err(|e| e.to_string())?;
+    let scene = folder.join(scene);
+    if scene.is_file() {
+        return Ok(scene);
+    }
+    let what = match scene.is_dir() {
+        true => "is a folder",
+        false => "is not there",
+    };
+    let expected = match found.strip_prefix('$').and_then(|s| s.split('/').next()) {
+        Some(variable) => format!("{variable} to be {}", scene::load::SCENE_FOLDER),
+        None => "the path of a scene.ron, relative to this file".into(),
+    };
+    let file = scene.display();
+    Err(format!(
+        "found {found:?}: {file} {what}; expected {expected}"
+    ))
 }
 
 /// An error about the run file's `scene`, at the place it comes from.

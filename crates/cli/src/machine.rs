@@ -10,6 +10,29 @@ pub(crate) fn peak_resident() -> Option<u64> {
     kilobytes("/proc/self/status", "VmHWM:")
 }
 
+/// Processor seconds of the process so far, all threads; `None` where the system does not say.
+pub(crate) fn cpu_seconds() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+    }
+    #[cfg(not(unix))]
+    None
+}
+
+/// Model of the processor, or its architecture where the system does not say.
+pub(crate) fn cpu_model() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    match model.and_then(|rest| rest.split_once(':')) {
+        Some((_, model)) => model.trim().to_owned(),
+        None => std::env::consts::ARCH.to_owned(),
+    }
+}
+
 /// The line `KEY  123 kB` of a file, in bytes.
 fn kilobytes(file: &str, key: &str) -> Option<u64> {
     let text = std::fs::read_to_string(file).ok()?;

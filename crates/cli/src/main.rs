@@ -5,6 +5,7 @@ mod args;
 mod check;
 mod compare;
 mod error;
+mod experiment;
 mod fingerprint;
 mod interrupt;
 mod job;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Render(arguments) => render::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Scene(arguments) => write_scene::run(&arguments),

@@ -61,7 +61,7 @@ impl PreparedLights {
     /// The scene's own lights, and virtual ones where the job wants them.
     pub(crate) fn trace(job: &Job, loaded: &LoadedScene, progress: &Progress) -> Self {
         let started = Instant::now();
-        let mut lights = vpl::source_lights(&loaded.scene.emitters);
+        let mut lights = vpl::source_lights(&loaded.scene);
         let mut virtual_lights = VirtualLightStats::default();
         if let LightsSpec::Virtual(spec) = job.lights {
             virtual_lights = add_virtual_lights(job, &spec, loaded, &mut lights);

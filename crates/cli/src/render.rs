@@ -168,7 +168,7 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
 }
 
 /// Says when an unfinished render is to be saved again, so that a crash costs little.
-struct Checkpoint {
+pub(crate) struct Checkpoint {
     last: Instant,
     begun: Instant,
     pause: Duration,
@@ -177,7 +177,7 @@ struct Checkpoint {
 impl Checkpoint {
     const PAUSE: Duration = Duration::from_secs(60);
 
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let now = Instant::now();
         Self {
             last: now,
@@ -186,13 +186,13 @@ impl Checkpoint {
         }
     }
 
-    fn is_due(&mut self) -> bool {
+    pub(crate) fn is_due(&mut self) -> bool {
         self.begun = Instant::now();
         self.last.elapsed() >= self.pause
     }
 
     /// Large pictures on slow disks are saved less often: saving takes at most a twentieth of the time.
-    fn done(&mut self) {
+    pub(crate) fn done(&mut self) {
         self.pause = Self::PAUSE.max(self.begun.elapsed() * 20);
         self.last = Instant::now();
     }

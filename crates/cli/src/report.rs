@@ -164,7 +164,10 @@ pub(crate) fn write(
         ]),
         lights: BTreeMap::from([
             ("point", lights.count(LightKind::Omni)),
+            ("spot", lights.count(LightKind::Spot)),
+            ("triangle", lights.count(LightKind::Triangle)),
             ("directional", lights.count(LightKind::Directional)),
+            ("environment", lights.count(LightKind::Environment)),
             ("virtual", lights.virtual_count()),
         ]),
         virtual_lights: (lights.virtual_count() > 0).then(|| VirtualLights {
@@ -183,6 +186,8 @@ pub(crate) fn write(
             ("duplicate_triangles", notes.duplicate_triangles),
             ("zero_normals", notes.zero_normals),
             ("zero_power_lights", notes.zero_power_lights),
+            ("black_environments", notes.black_environments),
+            ("dark_emissive_triangles", notes.dark_emissive_triangles),
         ]),
         remarks: &notes.remarks,
         needs: plan.needs(),

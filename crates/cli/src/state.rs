@@ -46,6 +46,12 @@ impl Subject {
         Self(list)
     }
 
+    /// What decides the bits, apart from the program itself: name and value.
+    pub(crate) fn content(&self) -> impl Iterator<Item = &(String, String)> {
+        let program = |name: &str| name == "version" || name == "commit";
+        self.0.iter().filter(move |(name, _)| !program(name))
+    }
+
     /// What differs, in words; `None` when nothing does.
     fn difference(&self, expected: &Self) -> Option<String> {
         let find = |list: &Self, name: &str| {

@@ -14,7 +14,7 @@ use ::exr::{
         ReadChannels, ReadLayers, Vec2, WritableImage,
     },
 };
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::{FilmError, write_atomically};
 
@@ -36,6 +36,42 @@ pub struct Image {
     pub height: u32,
     /// `width · height` values: linear RGB, for a render radiance in W·sr⁻¹·m⁻².
     pub pixels: Vec<Vec3>,
+}
+
+impl Image {
+    /// The pixels as f64.
+    pub(crate) fn pixels_f64(&self) -> Vec<DVec3> {
+        self.pixels.iter().map(|rgb| rgb.as_dvec3()).collect()
+    }
+
+    /// Writes the colours as one EXR (`R`, `G`, `B`, 32-bit floats, ZIP), atomically; `attributes` as those of
+    /// [`Picture::write_exr`](crate::Picture::write_exr).
+    ///
+    /// # Errors
+    ///
+    /// Names the file when it cannot be written, the picture has no pixel, or an attribute has no usable
+    /// name or occurs twice.
+    pub fn write_exr(&self, path: &Path, attributes: &[(String, String)]) -> Result<(), FilmError> {
+        if self.pixels.is_empty() {
+            return Err(FilmError::Empty {
+                name: path.display().to_string(),
+                width: self.width,
+                height: self.height,
+            });
+        }
+        let channels = ["R", "G", "B"].into_iter().enumerate();
+        let channels = channels.map(|(c, name)| Channel {
+            name,
+            samples: FlatSamples::F32(self.pixels.iter().map(|rgb| rgb[c]).collect()),
+        });
+        write_part(
+            path,
+            self.width,
+            self.height,
+            channels.collect(),
+            attributes,
+        )
+    }
 }
 
 /// One channel of a file to be written: its name and a value for each pixel.

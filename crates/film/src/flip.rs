@@ -8,7 +8,11 @@ use std::f32::consts::PI;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::{FilmError, Image, metrics::check, png::luminance};
+use crate::{
+    FilmError, Image,
+    metrics::check,
+    png::{curve, luminance},
+};
 
 /// A 0.7 m wide screen of 3840 pixels seen from 0.7 m, the papers' viewing condition.
 pub const PIXELS_PER_DEGREE: f32 = 3840.0 * PI / 180.0;
@@ -54,8 +58,51 @@ pub fn flip_map(
     pixels_per_degree: f32,
 ) -> Result<Vec<f32>, FilmError> {
     check(image, reference)?;
-    let filters = Filters::new(pixels_per_degree);
     let exposures = exposures(reference);
+    Ok(worst_of(
+        image,
+        reference,
+        pixels_per_degree,
+        &exposures,
+        tone,
+    ))
+}
+
+/// FLIP of each pixel, 0 to 1, row-major: LDR-FLIP of the pictures that [`tone_map`](crate::tone_map) makes of
+/// both at one `exposure` (finite, > 0), without rounding to 8 bits.
+///
+/// `pixels_per_degree` as for [`flip_map`].
+///
+/// # Errors
+///
+/// Those of [`flip_map`].
+pub fn ldr_flip_map(
+    image: &Image,
+    reference: &Image,
+    exposure: f32,
+    pixels_per_degree: f32,
+) -> Result<Vec<f32>, FilmError> {
+    check(image, reference)?;
+    let exposures = [f64::from(exposure)];
+    Ok(worst_of(
+        image,
+        reference,
+        pixels_per_degree,
+        &exposures,
+        curve,
+    ))
+}
+
+/// The largest LDR-FLIP of each pixel over the `exposures`; `display` turns exposed radiance into linear
+/// display values from 0 to 1.
+fn worst_of(
+    image: &Image,
+    reference: &Image,
+    pixels_per_degree: f32,
+    exposures: &[f64],
+    display: fn(f32) -> f32,
+) -> Vec<f32> {
+    let filters = Filters::new(pixels_per_degree);
     let width = image.width as usize;
     let mut worst = vec![0.0_f32; image.pixels.len()];
     // Bands are small enough for the cache, and independent of one another.
@@ -63,15 +110,17 @@ pub fn flip_map(
         .par_chunks_mut(BAND * width)
         .enumerate()
         .for_each(|(band, worst)| {
-            for &exposure in &exposures {
-                let [seen, seen_reference] = [image, reference]
-                    .map(|image| filters.see(image, band * BAND, worst.len() / width, exposure));
+            let height = worst.len() / width;
+            for &exposure in exposures {
+                let shown = |value: f32| display((f64::from(value) * exposure) as f32);
+                let [seen, seen_reference] =
+                    [image, reference].map(|image| filters.see(image, band * BAND, height, shown));
                 for (i, worst) in worst.iter_mut().enumerate() {
                     *worst = worst.max(filters.difference(&seen, &seen_reference, i));
                 }
             }
         });
-    Ok(worst)
+    worst
 }
 
 /// Constants of the tone curve (c₀x² + c₁x) / (c₂x² + c₃x + c₄).
@@ -203,18 +252,16 @@ impl Filters {
         self.blue_yellow[0].1.len().max(self.smooth.len()) / 2
     }
 
-    /// Tone-maps and filters `height` rows of an image from row `top` on.
-    fn see(&self, image: &Image, top: usize, height: usize, exposure: f64) -> Seen {
+    /// Shows and filters `height` rows of an image from row `top` on.
+    fn see(&self, image: &Image, top: usize, height: usize, shown: impl Fn(f32) -> f32) -> Seen {
         let (width, reach) = (image.width as usize, self.reach());
         let mut planes = [(); 3].map(|()| Vec::with_capacity(width * (height + 2 * reach)));
         for y in top..top + height + 2 * reach {
             // Beyond its edges an image goes on with its last rows.
             let y = y.saturating_sub(reach).min(image.height as usize - 1);
             for rgb in &image.pixels[y * width..(y + 1) * width] {
-                let exposed = rgb
-                    .to_array()
-                    .map(|value| tone((f64::from(value) * exposure) as f32));
-                let opponent = opponent_from_xyz(RGB_TO_XYZ * Vec3::from(exposed));
+                let shown = rgb.to_array().map(&shown);
+                let opponent = opponent_from_xyz(RGB_TO_XYZ * Vec3::from(shown));
                 planes
                     .iter_mut()
                     .zip(opponent.to_array())

@@ -117,8 +117,16 @@ pub fn compare_without_flip(image: &Image, reference: &Image) -> Result<Metrics,
     })
 }
 
+/// What `relmse` divides by: r² + 0.01·m² of each pixel and channel, m being the mean over both.
+pub(crate) fn relative_scales(reference: &[DVec3]) -> Vec<DVec3> {
+    let values = 3.0 * reference.len().max(1) as f64;
+    let mean = reference.iter().sum::<DVec3>().element_sum() / values;
+    let dark2 = DVec3::splat(DARK * mean * mean);
+    reference.iter().map(|r| r * r + dark2).collect()
+}
+
 /// `error / scale`, with 0/0 = 0. Both are ≥ 0.
-fn ratio_or_zero(error: f64, scale: f64) -> f64 {
+pub(crate) fn ratio_or_zero(error: f64, scale: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / scale }
 }
 

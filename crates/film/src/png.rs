@@ -73,9 +73,13 @@ fn display(c: f32) -> u8 {
     if c.is_nan() {
         return 0;
     }
+    (srgb_encode(curve(c)) * 255.0 + 0.5) as u8
+}
+
+/// The tone curve of [`tone_map`]: exposed radiance, not NaN, → linear display value, 0 to 1.
+pub(crate) fn curve(c: f32) -> f32 {
     let c = c.clamp(0.0, WHITE); // beyond the white point the curve leaves [0, 1]
-    let curved = c * (1.0 + c / (WHITE * WHITE)) / (1.0 + c);
-    (srgb_encode(curved) * 255.0 + 0.5) as u8
+    c * (1.0 + c / (WHITE * WHITE)) / (1.0 + c)
 }
 
 /// sRGB's transfer function: linear 0 to 1 → encoded 0 to 1.

@@ -4,7 +4,8 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 use light_tree::{LightId, LightKind, LightSet};
-use sampling::Rng;
+use sampling::{Rng, uniform_triangle};
+use scene::Scene;
 use scene::trace::Ray;
 
 use crate::point::GatherPoint;
@@ -30,19 +31,22 @@ pub(crate) struct Unoccluded {
 
 /// Radiance that light `id` sends by way of `x` to the viewer; `None` when it is below a horizon or black.
 ///
-/// `rng` is drawn from only where a virtual light has no closed form.
+/// `rng` is drawn from only for lights with an extent, and where a virtual light has no closed form: then the expected
+/// value is what the light sends.
 pub(crate) fn unoccluded(
+    scene: &Scene,
     lights: &LightSet,
     shape: VirtualShape,
     x: &GatherPoint,
     id: LightId,
     rng: &mut Rng,
 ) -> Option<Unoccluded> {
-    unoccluded_of(lights, shape, x, id, lights.intensity(id), rng)
+    unoccluded_of(scene, lights, shape, x, id, lights.intensity(id), rng)
 }
 
 /// As [`unoccluded`], were the light's intensity `intensity`.
 pub(crate) fn unoccluded_of(
+    scene: &Scene,
     lights: &LightSet,
     shape: VirtualShape,
     x: &GatherPoint,
@@ -50,8 +54,25 @@ pub(crate) fn unoccluded_of(
     intensity: Vec3,
     rng: &mut Rng,
 ) -> Option<Unoccluded> {
-    if lights.kind(id) == LightKind::Directional {
-        return parallel(lights, x, id, intensity);
+    match lights.kind(id) {
+        LightKind::Triangle => triangle(scene, lights, x, id, intensity, rng),
+        LightKind::Environment => environment(scene, lights, x, id, intensity, rng),
+        _ => unoccluded_by_place(lights, shape, x, id, intensity, rng),
+    }
+}
+
+/// As [`unoccluded_of`], for lights of one position or direction: no scene is needed.
+pub(crate) fn unoccluded_by_place(
+    lights: &LightSet,
+    shape: VirtualShape,
+    x: &GatherPoint,
+    id: LightId,
+    intensity: Vec3,
+    rng: &mut Rng,
+) -> Option<Unoccluded> {
+    let kind = lights.kind(id);
+    if kind == LightKind::Directional {
+        return parallel(x, -lights.axis(id), intensity);
     }
     let position = lights.position(id);
     let offset = position - x.position;
@@ -60,8 +81,9 @@ pub(crate) fn unoccluded_of(
     if x.ns.dot(offset) <= 0.0 || x.ng.dot(offset) <= 0.0 {
         return None;
     }
-    let radiance = match lights.kind(id) {
+    let radiance = match kind {
         LightKind::Omni => point(x, intensity, offset),
+        LightKind::Spot => spot(lights, x, id, intensity, offset),
         LightKind::Virtual => {
             let normal = lights.axis(id);
             if normal.dot(offset) >= 0.0 {
@@ -74,7 +96,10 @@ pub(crate) fn unoccluded_of(
                 }
             }
         }
-        LightKind::Directional => Vec3::ZERO,
+        LightKind::Triangle | LightKind::Directional | LightKind::Environment => {
+            debug_assert!(false, "{kind:?} has no one place");
+            Vec3::ZERO
+        }
     };
     (radiance != Vec3::ZERO).then(|| Unoccluded {
         radiance,
@@ -87,6 +112,70 @@ fn point(x: &GatherPoint, intensity: Vec3, offset: Vec3) -> Vec3 {
     let dist2 = offset.length_squared();
     let wi = offset / dist2.sqrt();
     x.brdf.eval(x.ns, x.wo, wi) * intensity * (x.ns.dot(wi) / dist2)
+}
+
+/// As [`point`], within the light's cone.
+fn spot(lights: &LightSet, x: &GatherPoint, id: LightId, intensity: Vec3, offset: Vec3) -> Vec3 {
+    let cos = -lights.axis(id).dot(offset) / offset.length();
+    match lights.spot(id).falloff(cos) {
+        0.0 => Vec3::ZERO,
+        falloff => point(x, intensity * falloff, offset),
+    }
+}
+
+/// A point drawn uniformly from a triangle stands for all of it.
+fn triangle(
+    scene: &Scene,
+    lights: &LightSet,
+    x: &GatherPoint,
+    id: LightId,
+    intensity: Vec3,
+    rng: &mut Rng,
+) -> Option<Unoccluded> {
+    let t = lights.element(id) as usize;
+    let [u, v] = uniform_triangle([rng.f32(), rng.f32()]);
+    let drawn = scene.emitter_point(t, u, v);
+    let normal = drawn.normal_toward(x.position)?;
+    let position = drawn.off(normal);
+    let offset = position - x.position;
+    // The horizon rule, for the point drawn.
+    if x.ns.dot(offset) <= 0.0 || x.ng.dot(offset) <= 0.0 || normal.dot(offset) >= 0.0 {
+        return None;
+    }
+    let sent = scene.emitted(t, u, v) * drawn.area();
+    let intensity = intensity * relative(sent, lights.intensity(id));
+    let dist2 = offset.length_squared();
+    let wi = offset / dist2.sqrt();
+    let geometry = x.ns.dot(wi) * -normal.dot(wi) / dist2;
+    let radiance = x.brdf.eval(x.ns, x.wo, wi) * intensity * geometry;
+    (radiance != Vec3::ZERO).then(|| Unoccluded {
+        radiance,
+        shadow_ray: Ray::between(x.position, position),
+    })
+}
+
+/// A direction drawn from a cell in proportion to its light stands for all of it.
+fn environment(
+    scene: &Scene,
+    lights: &LightSet,
+    x: &GatherPoint,
+    id: LightId,
+    intensity: Vec3,
+    rng: &mut Rng,
+) -> Option<Unoccluded> {
+    let cell = lights.element(id) as usize;
+    let within = (rng.f64(), [rng.f32(), rng.f32()]);
+    let drawn = scene
+        .environment
+        .as_ref()?
+        .sample_cell(cell, within.0, within.1);
+    let intensity = intensity * relative(drawn.power, lights.intensity(id));
+    parallel(x, drawn.direction, intensity)
+}
+
+/// What is sent over its mean, by channel: 1 where the mean is 0 and nothing is sent.
+fn relative(sent: Vec3, mean: Vec3) -> Vec3 {
+    Vec3::select(mean.cmpgt(Vec3::ZERO), sent / mean, Vec3::ONE)
 }
 
 fn clamped_point(x: &GatherPoint, intensity: Vec3, offset: Vec3, normal: Vec3, clamp: f32) -> Vec3 {
@@ -128,19 +217,13 @@ fn sphere(
     intensity * reflected
 }
 
-/// Parallel light: no attenuation, the shadow ray leaves the scene.
-fn parallel(
-    lights: &LightSet,
-    x: &GatherPoint,
-    id: LightId,
-    intensity: Vec3,
-) -> Option<Unoccluded> {
-    let wi = -lights.axis(id);
+/// Light from beyond the scene, from direction `wi`: no attenuation, the shadow ray leaves the scene.
+fn parallel(x: &GatherPoint, wi: Vec3, irradiance: Vec3) -> Option<Unoccluded> {
     let cos = x.ns.dot(wi);
     if cos <= 0.0 || x.ng.dot(wi) <= 0.0 {
         return None;
     }
-    let radiance = x.brdf.eval(x.ns, x.wo, wi) * intensity * cos;
+    let radiance = x.brdf.eval(x.ns, x.wo, wi) * irradiance * cos;
     let shadow_ray = Ray {
         origin: x.position,
         direction: wi,

@@ -96,7 +96,11 @@ impl Clusters<'_> {
     ) -> f64 {
         let ClusterBound { geometry, lobe_cos } = at.bound(self.tree, id, self.falloff(id));
         let reflected = strength * reflection.value(lobe_cos) * self.representatives.intensity(id);
-        let luminance = f64::from(luminance(reflected));
+        // What one drawn point stands for may be more than what all points send.
+        let peak = self
+            .lights
+            .peak(self.lights.kind(self.representatives.light(id)));
+        let luminance = f64::from(luminance(reflected * peak));
         // A black surface is black also where the geometry is infinite.
         if luminance > 0.0 {
             luminance * f64::from(geometry)
@@ -107,8 +111,8 @@ impl Clusters<'_> {
 
     fn falloff(&self, id: NodeId) -> Falloff {
         match (self.lights.kind(self.representatives.light(id)), self.shape) {
-            (LightKind::Directional, _) => Falloff::None,
-            (LightKind::Omni, _) => Falloff::Point,
+            (LightKind::Directional | LightKind::Environment, _) => Falloff::None,
+            (LightKind::Omni | LightKind::Spot | LightKind::Triangle, _) => Falloff::Point,
             (LightKind::Virtual, VirtualShape::Sphere) => Falloff::Sphere(self.lights.radius()),
             (LightKind::Virtual, VirtualShape::ClampedPoint(clamp)) => Falloff::ClampedPoint(clamp),
         }
@@ -137,6 +141,7 @@ mod tests {
     use arbtest::arbitrary::{Result, Unstructured};
     use light_tree::{LightId, Receiver, TreeBuilder, VirtualLight};
     use sampling::{Purpose, Rng};
+    use scene::{Emitter, Environment, Material, MaterialId, Scene};
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
         Ok(match u.int_in_range(0..=4)? {
@@ -156,19 +161,61 @@ mod tests {
         Ok(vector(u)?.try_normalize().unwrap_or(Vec3::Y))
     }
 
-    /// Lights of all kinds: in heaps, in a plane, all facing one way or every way.
-    fn lights(u: &mut Unstructured<'_>) -> Result<LightSet> {
-        let mut set = LightSet::default();
+    /// Lights of all kinds, and the scene that those with an extent are in: in heaps, in a plane, all facing one way or
+    /// every way.
+    fn lights(u: &mut Unstructured<'_>) -> Result<(Scene, LightSet)> {
+        let mut scene = Scene::default();
         let colour = |u: &mut Unstructured<'_>| -> Result<Vec3> {
             let mut channel = || Ok(f32::from(u.int_in_range(0..=4_u8)?));
             Ok(Vec3::new(channel()?, channel()?, channel()?))
         };
         for _ in 0..u.int_in_range(0..=8)? {
-            set.push_point(vector(u)?, colour(u)?);
+            scene.emitters.push(Emitter::Point {
+                position: vector(u)?,
+                intensity: colour(u)?,
+            });
         }
         for _ in 0..u.int_in_range(0..=4)? {
-            set.push_directional(unit(u)?, colour(u)?);
+            scene.emitters.push(Emitter::Directional {
+                direction: unit(u)?,
+                irradiance: colour(u)?,
+            });
         }
+        for _ in 0..u.int_in_range(0..=6)? {
+            let cos_outer = [0.999, 0.7, 0.0, -1.0][u.int_in_range(0..=3)?];
+            scene.emitters.push(Emitter::Spot {
+                position: vector(u)?,
+                direction: unit(u)?,
+                intensity: colour(u)?,
+                cos_inner: if u.arbitrary()? { cos_outer } else { 1.0 },
+                cos_outer,
+            });
+        }
+        for _ in 0..u.int_in_range(0..=6)? {
+            let radiance = colour(u)?;
+            let triangle = scene.mesh.len() as u32;
+            let first = scene.mesh.positions.len() as u32;
+            for _ in 0..3 {
+                scene.mesh.positions.push(vector(u)?);
+            }
+            scene.mesh.indices.push([first, first + 1, first + 2]);
+            scene.mesh.materials.push(MaterialId(triangle));
+            scene.materials.push(Material {
+                emission: radiance,
+                ..Material::default()
+            });
+            scene.emissive.push(true);
+            scene.emitters.push(Emitter::Triangle {
+                triangle,
+                radiance,
+                peak: 1.0,
+            });
+        }
+        if u.arbitrary()? {
+            let texels = (0..8).map(|_| colour(u)).collect::<Result<_>>()?;
+            scene.environment = Environment::new(4, 2, texels);
+        }
+        let mut set = vpl::source_lights(&scene);
         let common = if u.arbitrary()? { Some(unit(u)?) } else { None };
         for _ in 0..u.int_in_range(0..=12)? {
             let normal = match common {
@@ -185,7 +232,7 @@ mod tests {
             });
         }
         set.set_radius([0.0, 1e-3, 0.1, 2.0, 300.0][u.int_in_range(0..=4)?]);
-        Ok(set)
+        Ok((scene, set))
     }
 
     fn gather_point(u: &mut Unstructured<'_>, lights: &LightSet) -> Result<GatherPoint> {
@@ -226,7 +273,7 @@ mod tests {
     fn no_light_of_a_cluster_exceeds_its_bound() {
         let mut lit = 0;
         arbtest::arbtest(|u| {
-            let lights = lights(u)?;
+            let (scene, lights) = lights(u)?;
             let x = gather_point(u, &lights)?;
             let shape = match u.int_in_range(0..=3)? {
                 0 => VirtualShape::ClampedPoint(0.5),
@@ -252,7 +299,7 @@ mod tests {
                 assert!(bound >= 0.0, "bound {bound}");
                 let truth: f64 = tree
                     .lights_below(id)
-                    .filter_map(|l| unoccluded(&lights, shape, &x, l, &mut rng))
+                    .filter_map(|l| unoccluded(&scene, &lights, shape, &x, l, &mut rng))
                     .map(|l| f64::from(luminance(l.radiance)))
                     .sum();
                 lit += i32::from(truth > 0.0);
@@ -273,7 +320,7 @@ mod tests {
     fn no_pairs_of_clusters_exceed_their_bound() {
         let mut lit = 0;
         arbtest::arbtest(|u| {
-            let lights = lights(u)?;
+            let (scene, lights) = lights(u)?;
             let near = gather_point(u, &lights)?;
             let mut points = Vec::new();
             for _ in 0..u.int_in_range(1..=6)? {
@@ -324,7 +371,7 @@ mod tests {
                     let mut truth = 0.0;
                     for l in tree.lights_below(light) {
                         for x in below[g.index()].iter().map(|i| &points[*i]) {
-                            truth += unoccluded(&lights, shape, x, l, &mut rng)
+                            truth += unoccluded(&scene, &lights, shape, x, l, &mut rng)
                                 .map_or(0.0, |l| f64::from(luminance(l.radiance * x.strength)));
                         }
                     }

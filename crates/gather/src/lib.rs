@@ -110,8 +110,11 @@ impl Inputs {
     }
 
     fn choose(&self) -> Option<Clusters> {
-        let of = |kind| self.lights.count(kind) > 0;
-        let tree = if of(LightKind::Omni) && of(LightKind::Virtual) {
+        let kinds = |distant| {
+            let alike = LightKind::ALL.iter().filter(|k| k.is_distant() == distant);
+            alike.filter(|k| self.lights.count(**k) > 0).count()
+        };
+        let tree = if kinds(false) > 1 || kinds(true) > 1 {
             LightTree::build_by_kind(&self.lights, self.builder)
         } else {
             None

@@ -179,7 +179,17 @@ impl<'a> Render<'a> {
     ///
     /// `tile_done` is called from many threads after each tile, with the share of the pass that it was.
     pub fn pass(&mut self, tile_done: &(impl Fn(f64) + Sync)) -> Option<Pass> {
-        let samples = self.next_samples();
+        self.pass_of_at_most(u32::MAX, tile_done)
+    }
+
+    /// [`Render::pass`] with at most so many samples a pixel, for who has a budget to keep: only a method that
+    /// takes whole pixels sees a difference in anything but time.
+    pub fn pass_of_at_most(
+        &mut self,
+        most: u32,
+        tile_done: &(impl Fn(f64) + Sync),
+    ) -> Option<Pass> {
+        let samples = self.next_samples().min(most);
         if samples == 0 {
             return None;
         }
@@ -302,6 +312,8 @@ struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
     pilots: Vec<GatherPoint>,
+    /// What is seen without a surface that reflects it, by pixel sample.
+    seen: Vec<(u32, Vec3)>,
     features: Vec<Features>,
     method: S,
 }
@@ -348,6 +360,7 @@ impl<F> PassOf<'_, F> {
         }
         let started = Instant::now();
         scratch.points.clear();
+        scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
         for i in 0..tile.pixels.len() {
             let pixel = self.pixel_index(tile, i);
@@ -379,12 +392,16 @@ impl<F> PassOf<'_, F> {
         let slots = tile.pixels.len() * samples;
         let lights = &self.inputs.lights;
         let mut queue = ShadowQueue::new(
+            self.scene,
             lights,
             self.tracer,
             self.spec.shape,
             slots,
             &mut scratch.queue,
         );
+        for &(slot, radiance) in &scratch.seen {
+            queue.add_seen(slot, radiance);
+        }
         let stream = |slot: u32, purpose| {
             let pixel = self.pixel_index(tile, slot as usize / samples);
             let sample = tile.done + slot % samples as u32;
@@ -469,7 +486,20 @@ impl<F> PassOf<'_, F> {
             direction,
             t_max: f32::INFINITY,
         };
-        let Some(hit) = self.tracer.closest(&ray) else {
+        let hit = self.tracer.closest(&ray);
+        if self.scene.has_visible_lights() {
+            let radiance = match &hit {
+                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
+                None => {
+                    let environment = self.scene.environment.as_ref();
+                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
+                }
+            };
+            if radiance != Vec3::ZERO {
+                scratch.seen.push((start.slot, radiance));
+            }
+        }
+        let Some(hit) = hit else {
             return;
         };
         let surface = self.scene.surface(&hit, direction);

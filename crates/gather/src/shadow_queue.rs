@@ -5,6 +5,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use light_tree::{LightId, LightSet};
 use sampling::Rng;
+use scene::Scene;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
 use crate::contribution::{VirtualShape, unoccluded, unoccluded_of};
@@ -57,6 +58,7 @@ const TIMED: u32 = 64;
 /// sums of a tile's pixel samples. Sums are made in the order in which light was added, so that bits
 /// depend on nothing but that order.
 pub struct ShadowQueue<'a> {
+    scene: &'a Scene,
     lights: &'a LightSet,
     tracer: &'a Tracer,
     shape: VirtualShape,
@@ -82,6 +84,7 @@ pub struct QueueScratch {
 impl<'a> ShadowQueue<'a> {
     /// An empty queue for a tile of `slots` pixel samples.
     pub fn new(
+        scene: &'a Scene,
         lights: &'a LightSet,
         tracer: &'a Tracer,
         shape: VirtualShape,
@@ -95,6 +98,7 @@ impl<'a> ShadowQueue<'a> {
         scratch.sums.resize(slots, DVec3::ZERO);
         let rng = Rng::new(0, 0, 0, sampling::Purpose::LightSurface);
         Self {
+            scene,
             lights,
             tracer,
             shape,
@@ -132,6 +136,11 @@ impl<'a> ShadowQueue<'a> {
         }
     }
 
+    /// Adds radiance that the viewer sees without a surface that reflects it, to a pixel sample.
+    pub fn add_seen(&mut self, slot: u32, radiance: Vec3) {
+        self.scratch.sums[slot as usize] += radiance.as_dvec3();
+    }
+
     /// Traces what is waiting and returns the sums of all pixel samples.
     pub fn finish(mut self) -> (Counters, &'a [DVec3]) {
         self.flush();
@@ -141,7 +150,8 @@ impl<'a> ShadowQueue<'a> {
     /// Radiance of light `id`, were its intensity `intensity`, traced at once.
     fn radiance_of(&mut self, x: &GatherPoint, id: LightId, intensity: Vec3) -> Vec3 {
         self.counters.light_samples += 1;
-        let light = unoccluded_of(self.lights, self.shape, x, id, intensity, &mut self.rng);
+        let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
+        let light = unoccluded_of(scene, lights, self.shape, x, id, intensity, rng);
         let Some(light) = light else {
             return Vec3::ZERO;
         };
@@ -186,7 +196,8 @@ impl LightEval for ShadowQueue<'_> {
     #[inline]
     fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64) {
         self.counters.light_samples += 1;
-        let Some(light) = unoccluded(self.lights, self.shape, x, id, &mut self.rng) else {
+        let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
+        let Some(light) = unoccluded(scene, lights, self.shape, x, id, rng) else {
             return;
         };
         // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.

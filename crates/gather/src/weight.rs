@@ -6,7 +6,7 @@ use light_tree::{LightId, LightKind, LightSet};
 use sampling::Rng;
 use scene::Brdf;
 
-use crate::contribution::{VirtualShape, unoccluded};
+use crate::contribution::{VirtualShape, unoccluded_by_place};
 use crate::point::GatherPoint;
 use crate::vsl::Subtended;
 
@@ -14,7 +14,8 @@ use crate::vsl::Subtended;
 ///
 /// 0 only where the contribution is. Where a virtual sphere has no closed form, which is when a horizon cuts it or
 /// the surface is glossy, the contribution is random and the weight bounds it: BRDF and both cosines at
-/// their greatest over the cone that the sphere subtends. `rng` is never drawn from.
+/// their greatest over the cone that the sphere subtends. A triangle or a cell of an environment, of which a point is drawn,
+/// has its [`rough_weight`], which bounds nothing. `rng` is never drawn from.
 pub(crate) fn unoccluded_weight(
     lights: &LightSet,
     shape: VirtualShape,
@@ -39,17 +40,37 @@ pub(crate) fn unoccluded_weight(
             return mean(bound * x.strength);
         }
     }
-    unoccluded(lights, shape, x, id, rng).map_or(0.0, |light| mean(light.radiance * x.strength))
+    if matches!(
+        lights.kind(id),
+        LightKind::Triangle | LightKind::Environment
+    ) {
+        return rough_weight(lights, x, id) * mean(x.strength);
+    }
+    unoccluded_by_place(lights, shape, x, id, lights.intensity(id), rng)
+        .map_or(0.0, |light| mean(light.radiance * x.strength))
 }
 
 /// Intensity × cos⁺ at the point / d²: no BRDF, no emission, no geometric normal.
 ///
-/// The distance is not less than √1.5 radii of a virtual light, inside which it says nothing. Parallel light has no
-/// distance. 0 only where the contribution is.
+/// The distance is not less than √1.5 radii of a virtual light, inside which it says nothing. Distant light has no
+/// distance. For lights with an extent the cosine, for triangles with that of their emission, is the greatest that any
+/// of their points may have, and the distance that of the middle, not less than half the extent. 0 only where the
+/// contribution is.
 pub(crate) fn rough_weight(lights: &LightSet, x: &GatherPoint, id: LightId) -> f64 {
     let intensity = mean(lights.intensity(id));
-    if lights.kind(id) == LightKind::Directional {
-        return intensity * f64::from(-x.ns.dot(lights.axis(id))).max(0.0);
+    let kind = lights.kind(id);
+    if kind.is_distant() {
+        let cone = lights.emission(id).cone;
+        return intensity * f64::from(x.receiver.cos_bound_parallel(cone));
+    }
+    if kind == LightKind::Triangle {
+        let leaf = lights.leaf(id);
+        let emitted = x.receiver.emission_bound(&leaf, lights.emission(id));
+        let cosines = f64::from(x.receiver.cos_bound(&leaf) * emitted);
+        let middle = lights.position(id).as_dvec3();
+        let extent2 = (leaf.hi - leaf.lo).as_dvec3().length_squared();
+        let dist2 = middle.distance_squared(x.position.as_dvec3());
+        return intensity * cosines / dist2.max(0.25 * extent2);
     }
     let offset = lights.position(id) - x.position;
     let height = x.ns.dot(offset);
@@ -59,9 +80,9 @@ pub(crate) fn rough_weight(lights: &LightSet, x: &GatherPoint, id: LightId) -> f
     // In f64 no square of a finite offset over- or underflows. The sphere's geometry term at distance 0 is below
     // 1 / (1.5 r²).
     let dist2 = offset.as_dvec3().length_squared();
-    let radius = match lights.kind(id) {
+    let radius = match kind {
         LightKind::Virtual => f64::from(lights.radius()),
-        LightKind::Omni | LightKind::Directional => 0.0,
+        _ => 0.0,
     };
     intensity * f64::from(height) / (dist2.sqrt() * dist2.max(1.5 * radius * radius))
 }
@@ -150,8 +171,10 @@ mod tests {
                             let weight = unoccluded_weight(&set, shape, &x, id, &mut rng);
                             let mut least = f64::INFINITY;
                             for _ in 0..8 {
-                                let value = unoccluded(&set, shape, &x, id, &mut rng)
-                                    .map_or(0.0, |l| mean(l.radiance));
+                                let intensity = set.intensity(id);
+                                let value =
+                                    unoccluded_by_place(&set, shape, &x, id, intensity, &mut rng)
+                                        .map_or(0.0, |l| mean(l.radiance));
                                 assert!(
                                     value <= weight * (1.0 + 1e-4),
                                     "{value} above {weight}: {shape:?} {x:?} {id:?}"

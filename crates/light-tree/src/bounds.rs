@@ -3,6 +3,7 @@
 use glam::{Mat3A, Vec3, Vec3A};
 
 use crate::cone::Cone;
+use crate::emission::Emission;
 use crate::tree::Node;
 
 /// The point that is lit, with what bounds need of it worked out once.
@@ -95,10 +96,10 @@ impl Receiver {
         }
     }
 
-    /// Upper bound of cos⁺ between an emission axis in `cone` and the direction from any point of the box
-    /// to the receiver; 0 only when the receiver is behind every light below.
-    pub fn emission_bound(&self, node: &Node, cone: Cone) -> f32 {
-        self.relative(node).emission_bound(cone)
+    /// Upper bound of the share of its intensity that a light below sends from any point of the box to the
+    /// receiver; 0 only when none sends anything.
+    pub fn emission_bound(&self, node: &Node, emission: Emission) -> f32 {
+        self.relative(node).emission_bound(emission)
     }
 
     /// Upper bound of the cosine, signed, of the angle between the normal and the direction to any point of
@@ -146,15 +147,22 @@ pub(crate) struct RelativeBox {
 }
 
 impl RelativeBox {
-    /// See [`Receiver::emission_bound`]. Greatest reach along the axis over nearest distance: looser than a
-    /// bound in the axis' own frame where a cluster is near and wide, and a third of the work.
+    /// See [`Receiver::emission_bound`].
     #[inline]
-    pub(crate) fn emission_bound(&self, cone: Cone) -> f32 {
-        if cone.cos <= 0.0 {
+    pub(crate) fn emission_bound(&self, emission: Emission) -> f32 {
+        if emission.is_wide() {
             return 1.0;
         }
+        emission.bound(|axis| self.cos_back(axis))
+    }
+
+    /// Upper bound of the signed cosine between `axis` and the direction from any point of the box to the receiver.
+    /// Greatest reach along the axis over nearest distance: looser than a bound in the axis' own frame where a cluster
+    /// is near and wide, and a third of the work.
+    #[inline]
+    fn cos_back(&self, axis: Vec3) -> f32 {
         // Seen from the lights the receiver fills the mirrored box.
-        let top = self.mirrored().top(cone.axis.into());
+        let top = self.mirrored().top(axis.into());
         let range = self.distances();
         let length2 = if top > 0.0 {
             range.least2.max(top * top)
@@ -162,12 +170,11 @@ impl RelativeBox {
             range.greatest2
         };
         // Where squares underflow any direction is possible.
-        let cos = if length2 > 0.0 {
+        if length2 > 0.0 {
             (top / length2.sqrt()).clamp(-1.0, 1.0)
         } else {
             1.0
-        };
-        widened_cos(cos, cone.cos)
+        }
     }
 
     #[inline]
@@ -256,6 +263,7 @@ pub(crate) fn widened_by(cos: f32, cos_half: f32, sin_half: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emission::Profile;
     use crate::lights::LightId;
     use arbtest::arbitrary::{Result, Unstructured};
 
@@ -334,7 +342,8 @@ mod tests {
             let cone = axes
                 .iter()
                 .fold(Cone::of(axes[0]), |c, a| c.union(Cone::of(*a)));
-            let bound = Receiver::new(x, Vec3::Z).emission_bound(&node, cone);
+            let profile = Profile::Cosine;
+            let bound = Receiver::new(x, Vec3::Z).emission_bound(&node, Emission { cone, profile });
             for axis in axes {
                 let p = inside(u, &node)?;
                 let truth = cos_plus(axis, x - p);
@@ -361,7 +370,11 @@ mod tests {
                 for step in 0..3600 {
                     let angle = f32::from(step as u16) * (std::f32::consts::TAU / 3600.0);
                     let x = Vec3::new(angle.cos(), angle.sin(), 0.0);
-                    let bound = Receiver::new(x, -x).emission_bound(&light, Cone { axis, cos });
+                    let emission = Emission {
+                        cone: Cone { axis, cos },
+                        profile: Profile::Cosine,
+                    };
+                    let bound = Receiver::new(x, -x).emission_bound(&light, emission);
                     let truth = rim.dot(x);
                     assert!(
                         bound >= truth - 1e-5 && (bound > 0.0 || truth <= 1e-6),

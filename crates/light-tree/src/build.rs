@@ -11,6 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::cone::Cone;
+use crate::emission::{Emission, Profile};
 use crate::lights::{LightId, LightKind, LightSet, luminance};
 use crate::tree::{LightTree, MAX_LIGHTS, Node, Pair};
 use morton::Curve;
@@ -112,10 +113,11 @@ impl Context {
     }
 }
 
-/// Where a subtree of n lights puts its n − 1 pairs; `cones` and `directional` are as long or empty.
+/// Where a subtree of n lights puts its n − 1 pairs; the other arrays are as long or empty.
 struct Out<'a> {
     pairs: &'a mut [Pair],
     cones: &'a mut [[Cone; 2]],
+    profiles: &'a mut [[Profile; 2]],
     directional: &'a mut [[f32; 2]],
     /// Index of `pairs[0]` in the whole tree.
     first: u32,
@@ -124,31 +126,31 @@ struct Out<'a> {
 impl<'a> Out<'a> {
     /// The pair for a node's own children, and the rest for the `left` and the other subtree.
     fn split(self, left: usize) -> (Out<'a>, Out<'a>, Out<'a>) {
-        let (own, pairs) = self.pairs.split_at_mut(1);
-        let (own_cones, cones) = self.cones.split_at_mut(1.min(self.cones.len()));
-        let (own_directional, directional) =
-            self.directional.split_at_mut(1.min(self.directional.len()));
         let n = left - 1;
-        let (pairs_l, pairs_r) = pairs.split_at_mut(n);
-        let (cones_l, cones_r) = cones.split_at_mut(n.min(cones.len()));
-        let (directional_l, directional_r) = directional.split_at_mut(n.min(directional.len()));
+        let (pairs, pairs_l, pairs_r) = cut(self.pairs, n);
+        let (cones, cones_l, cones_r) = cut(self.cones, n);
+        let (profiles, profiles_l, profiles_r) = cut(self.profiles, n);
+        let (directional, directional_l, directional_r) = cut(self.directional, n);
         let first = self.first;
         (
             Out {
-                pairs: own,
-                cones: own_cones,
-                directional: own_directional,
+                pairs,
+                cones,
+                profiles,
+                directional,
                 first,
             },
             Out {
                 pairs: pairs_l,
                 cones: cones_l,
+                profiles: profiles_l,
                 directional: directional_l,
                 first: first + 1,
             },
             Out {
                 pairs: pairs_r,
                 cones: cones_r,
+                profiles: profiles_r,
                 directional: directional_r,
                 first: first + 1 + n as u32,
             },
@@ -156,11 +158,18 @@ impl<'a> Out<'a> {
     }
 }
 
+/// The first entry, the `n` behind it and the rest; three times nothing of nothing.
+fn cut<T>(array: &mut [T], n: usize) -> (&mut [T], &mut [T], &mut [T]) {
+    let (own, rest) = array.split_at_mut(1.min(array.len()));
+    let (left, right) = rest.split_at_mut(n.min(rest.len()));
+    (own, left, right)
+}
+
 /// A finished subtree's top node with what lies beside it.
 #[derive(Clone, Copy)]
 struct Top {
     node: Node,
-    cone: Cone,
+    emission: Emission,
     directional: f32,
     depth: u32,
 }
@@ -169,9 +178,19 @@ struct Top {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Apart {
     /// Those without a place.
-    Directional,
+    Distant,
     /// Those of each kind.
     Kinds,
+}
+
+impl Apart {
+    /// Subtrees are numbered; those of distant lights come last.
+    fn rank(self, kind: LightKind) -> usize {
+        match self {
+            Self::Distant => usize::from(kind.is_distant()),
+            Self::Kinds => kind as usize,
+        }
+    }
 }
 
 pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Option<LightTree> {
@@ -192,24 +211,22 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
             id: id.0,
         })
         .collect();
-    // Directional lights have no place: they get a subtree of their own beside all the others.
-    let rank = |id| match lights.kind(LightId(id)) {
-        LightKind::Directional => 2,
-        LightKind::Virtual if apart == Apart::Kinds => 1,
-        LightKind::Omni | LightKind::Virtual => 0,
-    };
-    let mut groups = [0; 3];
+    // Distant lights have no place: they get a subtree of their own beside all the others.
+    let rank = |id| apart.rank(lights.kind(LightId(id)));
+    let mut groups = [0; LightKind::ALL.len()];
+    let mut distant = 0;
     for i in &items {
         groups[rank(i.id)] += 1;
+        distant += usize::from(lights.kind(LightId(i.id)).is_distant());
     }
-    let parallel = groups[2];
     let groups: Vec<usize> = groups.into_iter().filter(|&count| count > 0).collect();
     if groups.len() > 1 {
         items.sort_by_key(|i| (rank(i.id), i.id));
     }
-    let positional = n - parallel;
+    let positional = n - distant;
 
     let oriented = items.iter().any(|i| i.axis != Vec3::ZERO);
+    let profiled = lights.count(LightKind::Spot) + lights.count(LightKind::Triangle) > 0;
     let (lo, hi) = position_bounds(&items[..positional]);
     let diagonal2 = if positional > 0 {
         (hi - lo).length_squared()
@@ -232,37 +249,54 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
     } else {
         Vec::new()
     };
-    let mut directional = if parallel > 0 {
+    let mut profiles = if profiled {
+        vec![[Profile::default(); 2]; n]
+    } else {
+        Vec::new()
+    };
+    let mut directional = if distant > 0 {
         vec![[0.0; 2]; n]
     } else {
         Vec::new()
     };
-    let (root_cone, cones_below) = cones.split_at_mut(usize::from(oriented));
-    let (root_directional, directional_below) = directional.split_at_mut(usize::from(parallel > 0));
-    let (root_pair, pairs_below) = pairs.split_at_mut(1);
     let out = Out {
-        pairs: pairs_below,
-        cones: cones_below,
-        directional: directional_below,
+        pairs: &mut pairs[1..],
+        cones: below(&mut cones),
+        profiles: below(&mut profiles),
+        directional: below(&mut directional),
         first: 1,
     };
     let root = subtree(&context, lights, &mut items, out, 0, &groups);
-    root_pair[0].0[0] = root.node;
-    if let Some(c) = root_cone.first_mut() {
-        c[0] = root.cone;
+    pairs[0].0[0] = root.node;
+    if let Some(c) = cones.first_mut() {
+        c[0] = root.emission.cone;
     }
-    if let Some(d) = root_directional.first_mut() {
+    if let Some(p) = profiles.first_mut() {
+        p[0] = root.emission.profile;
+    }
+    if let Some(d) = directional.first_mut() {
         d[0] = root.directional;
     }
     Some(LightTree {
         pairs,
         cones: cones.into_iter().flatten().collect(),
+        profiles: profiles.into_iter().flatten().collect(),
         directional: directional.into_iter().flatten().collect(),
         lights: n,
         depth: root.depth,
-        diagonal2,
+        diagonal2: if positional > 0 {
+            (root.node.hi - root.node.lo).length_squared()
+        } else {
+            0.0
+        },
         least_dist2: 1.5 * lights.radius() * lights.radius(),
     })
+}
+
+/// All entries but the first; nothing of nothing.
+fn below<T>(array: &mut [T]) -> &mut [T] {
+    let first = 1.min(array.len());
+    &mut array[first..]
 }
 
 /// Builds the subtree over `items`, which are `groups` of these lengths that are kept apart.
@@ -276,7 +310,7 @@ fn subtree(
 ) -> Top {
     let n = items.len();
     if n == 1 {
-        return leaf(lights, LightId(items[0].id), items[0].intensity);
+        return leaf(lights, LightId(items[0].id));
     }
     let (left, groups) = match groups {
         [others @ .., last] if !others.is_empty() => (n - last, others),
@@ -294,7 +328,10 @@ fn subtree(
     };
     own.pairs[0] = Pair([l.node, r.node]);
     if let Some(c) = own.cones.first_mut() {
-        *c = [l.cone, r.cone];
+        *c = [l.emission.cone, r.emission.cone];
+    }
+    if let Some(p) = own.profiles.first_mut() {
+        *p = [l.emission.profile, r.emission.profile];
     }
     if let Some(d) = own.directional.first_mut() {
         *d = [l.directional, r.directional];
@@ -306,37 +343,27 @@ fn subtree(
             l.node.intensity + r.node.intensity,
             2 * own.first,
         ),
-        cone: if context.oriented {
-            l.cone.union(r.cone)
+        emission: if context.oriented {
+            l.emission.union(r.emission)
         } else {
-            Cone::SPHERE
+            Emission::ANY
         },
         directional: l.directional + r.directional,
         depth: 1 + l.depth.max(r.depth),
     }
 }
 
-fn leaf(lights: &LightSet, id: LightId, scalar: f32) -> Top {
-    let cone = Cone::of(lights.axis(id));
-    match lights.kind(id) {
-        LightKind::Directional => {
-            let nowhere = Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id);
-            Top {
-                node: nowhere,
-                cone,
-                directional: scalar,
-                depth: 0,
-            }
-        }
-        LightKind::Omni | LightKind::Virtual => {
-            let p = lights.position(id);
-            Top {
-                node: Node::leaf(p, p, scalar, id),
-                cone,
-                directional: 0.0,
-                depth: 0,
-            }
-        }
+fn leaf(lights: &LightSet, id: LightId) -> Top {
+    let distant = lights.kind(id).is_distant();
+    Top {
+        node: lights.leaf(id),
+        emission: lights.emission(id),
+        directional: if distant {
+            luminance(lights.intensity(id))
+        } else {
+            0.0
+        },
+        depth: 0,
     }
 }
 

@@ -74,6 +74,14 @@ impl Cone {
         }
     }
 
+    /// The opposite directions.
+    pub(crate) fn opposite(self) -> Self {
+        Self {
+            axis: -self.axis,
+            ..self
+        }
+    }
+
     /// Whether unit `direction` lies inside.
     pub fn contains(&self, direction: Vec3) -> bool {
         angle_between(self.axis, direction) <= half_angle(self.cos) + SLACK

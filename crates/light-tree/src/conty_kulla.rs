@@ -5,8 +5,10 @@
 //! With d the distance of the centre and θ_u = asin(R / d) the half angle under which the sphere is seen, angles
 //! that are known for the centre are known for every light up to θ_u.
 
+use glam::Vec3;
+
 use crate::bounds::{Receiver, RelativeBox, widened_by};
-use crate::cone::Cone;
+use crate::emission::Emission;
 use crate::tree::{LightTree, Node, NodeId};
 use crate::weight::PairWeights;
 
@@ -25,7 +27,8 @@ const LEAST_COS: f32 = 1e-6;
 impl LightTree {
     /// E |cos θ'ᵢ| h(θ') / d² of two children, where θ'ᵢ = max(0, θᵢ − θ_u) is the least angle at the receiver, and
     /// h = cos θ' for θ' = max(0, θ − θ_o − θ_u), the least angle at a light of cosine emission (θ_e = π/2) whose axis
-    /// lies in the cone of half angle θ_o; h = 1 for lights that shine everywhere.
+    /// lies in the cone of half angle θ_o; h = 1 for lights that shine everywhere. Spot lights (θ_e the angle of their
+    /// cone) have h = 1 inside of it, triangles the h of the side that is seen.
     ///
     /// Departures: opaque receivers, so that a box below the horizon weighs 0, not its absolute cosine. The
     /// distance is not less than R/2 (a length, as in later renderers; the paper leaves it open), nor than √1.5 radii
@@ -37,8 +40,8 @@ impl LightTree {
             if node.has_positions() {
                 let seen = receiver.relative(node);
                 let sphere = SeenSphere::of(&seen);
-                let cone = self.cone(NodeId(first.0 + k as u32));
-                lit[k] = node.intensity * sphere.cosines(receiver, &seen, cone);
+                let emission = self.emission(NodeId(first.0 + k as u32));
+                lit[k] = node.intensity * sphere.cosines(receiver, &seen, emission);
                 dist2[k] = sphere
                     .dist2
                     .max(0.25 * sphere.radius2)
@@ -63,7 +66,7 @@ impl SeenSphere {
     }
 
     /// Greatest cosine at the receiver × greatest at a light; 0 only when no light below can light the receiver.
-    fn cosines(&self, receiver: &Receiver, seen: &RelativeBox, cone: Cone) -> f32 {
+    fn cosines(&self, receiver: &Receiver, seen: &RelativeBox, emission: Emission) -> f32 {
         if !receiver.sees_above_horizon(seen) {
             return 0.0;
         }
@@ -77,19 +80,16 @@ impl SeenSphere {
         let (sin_u, cos_u) = (sin2.sqrt(), (1.0 - sin2).sqrt());
         let toward = seen.centre() / self.dist2.sqrt();
         let at_receiver = widened_by(receiver.normal().dot(toward), cos_u, sin_u).max(LEAST_COS);
-        if cone.cos <= -1.0 {
+        if emission.is_any() {
             return at_receiver;
         }
-        let from_axis = widened_by(-toward.dot(cone.axis.into()), cos_u, sin_u);
-        let sin_o = ((1.0 - cone.cos) * (1.0 + cone.cos)).max(0.0).sqrt();
-        at_receiver * widened_by(from_axis, cone.cos, sin_o).max(0.0)
+        let from_axis = |axis: Vec3| widened_by(-toward.dot(axis.into()), cos_u, sin_u);
+        at_receiver * emission.bound(from_axis)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::build::TreeBuilder;
     use crate::lights::{LightSet, VirtualLight};
@@ -200,7 +200,7 @@ mod tests {
             let normal = unit();
             let x = Receiver::new(Vec3::ZERO, normal);
             let seen = x.relative(tree.node(tree.root()));
-            let bound = SeenSphere::of(&seen).cosines(&x, &seen, tree.cone(tree.root()));
+            let bound = SeenSphere::of(&seen).cosines(&x, &seen, tree.emission(tree.root()));
             for &(p, n) in &lights {
                 let d = p.normalize();
                 let truth = normal.dot(d).max(0.0) * (-n.dot(d)).max(0.0);

@@ -140,7 +140,7 @@ impl LightTree {
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2);
             let mut cos = receiver.cos_bound_over(&seen);
             if cones {
-                cos *= seen.emission_bound(self.cone(id));
+                cos *= seen.emission_bound(self.emission(id));
             }
             if cos > 0.0 {
                 let falloff = d2.max(nearest2);
@@ -240,11 +240,14 @@ mod tests {
                 let truth: f64 = tree
                     .lights_below(id)
                     .map(|l| {
-                        let d2 = f64::from(lights.position(l).distance_squared(at.0));
                         let lit = contribution(&lights, l, at.0, at.1);
-                        let nearer =
-                            lights.kind(l) != crate::lights::LightKind::Directional && d2 < floor;
-                        if nearer { lit * d2 / floor } else { lit }
+                        let d2 = lights
+                            .bounds(l)
+                            .map(|(lo, hi)| f64::from(at.0.clamp(lo, hi).distance_squared(at.0)));
+                        match d2 {
+                            Some(d2) if d2 < floor => lit * d2 / floor,
+                            _ => lit,
+                        }
                     })
                     .sum();
                 assert!(

@@ -9,7 +9,7 @@ use crate::tree::{LightTree, NodeId};
 /// that ask for it.
 #[derive(Debug, Clone)]
 pub struct EnergyVariance {
-    /// Squared coefficient of variation V_e / E_e² by node; infinite where parallel and other lights meet, whose
+    /// Squared coefficient of variation V_e / E_e² by node; infinite where distant and other lights meet, whose
     /// intensities have different units.
     relative: Vec<f32>,
     /// Irradiance that counts as 1: what all lights would bring at the distance of the diagonal of their box.
@@ -146,7 +146,7 @@ mod tests {
 
     use super::*;
     use crate::build::TreeBuilder;
-    use crate::lights::{LightId, LightKind, LightSet, luminance};
+    use crate::lights::{LightId, LightSet, luminance};
     use crate::test_lights::any_lights;
 
     #[test]
@@ -160,9 +160,9 @@ mod tests {
                 let variance = EnergyVariance::of(&tree);
                 for id in tree.nodes_below(tree.root()) {
                     let below: Vec<LightId> = tree.lights_below(id).collect();
-                    let parallel = |l: &LightId| lights.kind(*l) == LightKind::Directional;
+                    let distant = |l: &LightId| lights.kind(*l).is_distant();
                     let relative = variance.relative[id.0 as usize];
-                    if below.iter().any(parallel) != below.iter().all(parallel) {
+                    if below.iter().any(distant) != below.iter().all(distant) {
                         assert_eq!(relative, f32::INFINITY, "a mixture");
                         continue;
                     }

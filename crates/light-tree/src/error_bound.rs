@@ -8,22 +8,20 @@
 
 use glam::{Vec3, Vec3A};
 
-use crate::bounds::{
-    Receiver, RelativeBox, signed_cos_toward, widened_by, widened_cos, widened_signed_cos,
-};
+use crate::bounds::{Receiver, RelativeBox, signed_cos_toward, widened_by, widened_signed_cos};
 use crate::cone::Cone;
 use crate::tree::{LightTree, NodeId};
 
 /// How the light of a cluster of one kind falls off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Falloff {
-    /// Omni lights: inverse square, without limit.
+    /// Omni and spot lights and the points of triangles: inverse square, without limit.
     Point,
     /// Virtual lights as points with cosine emission, whose cos cos / d² is clamped to this, in 1/scene unit².
     ClampedPoint(f32),
     /// Virtual lights as spheres of this radius ≥ 0 in scene units, dark where their centre is below a horizon.
     Sphere(f32),
-    /// Parallel light.
+    /// Distant light.
     None,
 }
 
@@ -112,8 +110,9 @@ impl Receivers {
     /// Bounds what any light below node `id` of `tree` sends to any of the points. All lights there must be of
     /// the kind that `falloff` is about.
     pub fn bound(&self, tree: &LightTree, id: NodeId, falloff: Falloff) -> ClusterBound {
-        let cone = tree.cone(id);
+        let emission = tree.emission(id);
         if falloff == Falloff::None {
+            let cone = emission.cone;
             return ClusterBound {
                 geometry: self.normals.cos_against(cone).max(0.0),
                 lobe_cos: self.mirrors.map_or(0.0, |m| m.cos_against(cone).max(0.0)),
@@ -131,13 +130,12 @@ impl Receivers {
         }
         let mut lobe_cos = self.mirrors.map_or(0.0, |m| m.cos_over(&seen));
         let dist2 = seen.least2();
-        if falloff == Falloff::Point {
-            return ClusterBound {
-                geometry: cos / dist2,
-                lobe_cos: lobe_cos.max(0.0),
-            };
-        }
-        let emitted = emission_bound(&seen, cone);
+        let emitted = if emission.is_wide() {
+            1.0
+        } else {
+            let mirrored = seen.mirrored();
+            emission.bound(|axis| signed_cos_toward(axis, &mirrored))
+        };
         if emitted == 0.0 {
             return ClusterBound::DARK;
         }
@@ -156,14 +154,6 @@ impl Receivers {
             lobe_cos: lobe_cos.max(0.0),
         }
     }
-}
-
-/// Upper bound of cos⁺ between an emission axis in `cone` and the direction back from a point of the box.
-fn emission_bound(seen: &RelativeBox, cone: Cone) -> f32 {
-    if cone.cos <= 0.0 {
-        return 1.0;
-    }
-    widened_cos(signed_cos_toward(cone.axis, &seen.mirrored()), cone.cos)
 }
 
 /// The sphere of a virtual light that is as near as the box allows.

@@ -12,6 +12,7 @@ mod build;
 mod cone;
 mod conty_kulla;
 mod cut;
+mod emission;
 mod energy_variance;
 mod error_bound;
 mod lights;
@@ -30,9 +31,12 @@ pub use bounds::{DistanceRange, Receiver};
 pub use build::TreeBuilder;
 pub use cone::Cone;
 pub use cut::Cut;
+pub use emission::{Emission, Profile};
 pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
-pub use lights::{LightId, LightKind, LightSet, VirtualLight, luminance};
+pub use lights::{
+    EnvironmentCell, LightId, LightKind, LightSet, SpotCone, TriangleLight, VirtualLight, luminance,
+};
 pub use order::LightOrder;
 pub use representative::Representatives;
 pub use select::{Chosen, DeadBranch, Selected, Selector};

@@ -1,6 +1,12 @@
 //! The lights a tree is built over, as a structure of arrays.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
+
+use crate::cone::Cone;
+use crate::emission::{Emission, Profile, SLACK};
+use crate::tree::Node;
 
 /// Index of a light in a [`LightSet`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -14,15 +20,100 @@ impl LightId {
     }
 }
 
-/// How a light's contribution falls off.
+/// How a light shines and falls off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LightKind {
     /// Shines alike in every direction, inverse square.
     Omni,
+    /// Shines within a cone about its axis, inverse square.
+    Spot,
+    /// A triangle that emits from both sides: cosine emission from each of its points, inverse square.
+    Triangle,
     /// A virtual spherical light: cosine emission about its axis, inverse square outside its sphere.
     Virtual,
     /// Parallel light along its axis, no attenuation.
     Directional,
+    /// A cell of directions that light comes from, from beyond the scene: no attenuation.
+    Environment,
+}
+
+impl LightKind {
+    /// All of them, those with a place first.
+    pub const ALL: [Self; 6] = [
+        Self::Omni,
+        Self::Spot,
+        Self::Triangle,
+        Self::Virtual,
+        Self::Directional,
+        Self::Environment,
+    ];
+
+    /// Whether the light comes from beyond the scene, without a place and without falling off.
+    #[inline]
+    pub fn is_distant(self) -> bool {
+        matches!(self, Self::Directional | Self::Environment)
+    }
+}
+
+/// The cone that a spot light shines into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpotCone {
+    /// Cosine of the angle up to which the light has its full intensity; not less than `cos_outer`.
+    pub cos_inner: f32,
+    /// Cosine of the angle beyond which it is dark, in −1..=1.
+    pub cos_outer: f32,
+}
+
+impl SpotCone {
+    /// Share of the full intensity at an angle of cosine `cos` to the axis: 1 inside, 0 outside, a cubic step between;
+    /// on an edge without width 1.
+    #[inline]
+    pub fn falloff(&self, cos: f32) -> f32 {
+        if cos >= self.cos_inner {
+            return 1.0;
+        }
+        if cos <= self.cos_outer {
+            return 0.0;
+        }
+        // Between them the width is not 0.
+        let t = (cos - self.cos_outer) / (self.cos_inner - self.cos_outer);
+        t * t * (3.0 - 2.0 * t)
+    }
+
+    /// Flux per unit of intensity, sr: the integral of [`falloff`](Self::falloff) over all directions. 0 for a cone
+    /// of angle 0.
+    pub fn solid_angle(&self) -> f32 {
+        // The step's mean is one half.
+        2.0 * PI * (1.0 - 0.5 * (self.cos_inner + self.cos_outer))
+    }
+}
+
+/// A triangle that emits, as the tree sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TriangleLight {
+    /// Its corners.
+    pub corners: [Vec3; 3],
+    /// Radiance × area, averaged over the triangle: intensity along the normal, W/sr.
+    pub intensity: Vec3,
+    /// Greatest radiance of any point over that average, by channel: 1 without a texture.
+    pub peak: f32,
+    /// How far off the triangle its points may be put.
+    pub offset: f32,
+    /// Which triangle, an index the scene understands and this crate does not.
+    pub element: u32,
+}
+
+/// A cell of an environment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnvironmentCell {
+    /// Holds every direction in which light travels from the cell.
+    pub travel: Cone,
+    /// What a surface receives that faces all of it, W/m²: radiance × solid angle, summed.
+    pub irradiance: Vec3,
+    /// Greatest that light drawn from the cell can be over `irradiance`, by channel.
+    pub peak: f32,
+    /// Which cell, an index the scene understands and this crate does not.
+    pub element: u32,
 }
 
 /// A virtual light, as a particle leaves it where it hits a surface.
@@ -51,16 +142,38 @@ pub(crate) struct Origin {
     pub(crate) material: u32,
 }
 
-/// All lights in use: a structure of arrays in one order, omni and directional lights first, virtual
-/// ones after them. Every light has power above zero and finite numbers.
+/// What only triangles have.
+#[derive(Debug, Clone, Copy)]
+struct Area {
+    lo: Vec3,
+    hi: Vec3,
+    element: u32,
+}
+
+/// What only cells of an environment have.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    travel: Cone,
+    element: u32,
+}
+
+/// All lights in use: a structure of arrays in one order, virtual lights after all others. Every light has power
+/// above zero and finite numbers.
 #[derive(Debug, Clone, Default)]
 pub struct LightSet {
     positions: Vec<Vec3>,
     axes: Vec<Vec3>,
     intensities: Vec<Vec3>,
     kinds: Vec<LightKind>,
+    /// Index into the array of the light's kind; as long as it takes to reach the last light that has an entry there.
+    details: Vec<u32>,
+    spots: Vec<SpotCone>,
+    areas: Vec<Area>,
+    cells: Vec<Cell>,
     origins: Vec<Origin>,
     radius: f32,
+    /// Greatest of the triangles' and of the cells' peaks; 0 without any.
+    peaks: [f32; 2],
 }
 
 /// The scalar by which lights are weighed: the mean of the channels, above 0 wherever a channel is.
@@ -90,6 +203,95 @@ impl LightSet {
             "directional light along {direction}"
         );
         self.push(Vec3::ZERO, direction, irradiance, LightKind::Directional)
+    }
+
+    /// Adds a light at `position` that shines about unit `axis`, with `intensity` W/sr inside the cone; nothing when it
+    /// has no power, as with a cone of angle 0. Returns whether it was added.
+    ///
+    /// # Panics
+    /// On a non-finite or negative number, an outer cone inside the inner one, or after a virtual light was added.
+    pub fn push_spot(
+        &mut self,
+        position: Vec3,
+        axis: Vec3,
+        intensity: Vec3,
+        cone: SpotCone,
+    ) -> bool {
+        assert!(
+            position.is_finite() && axis.is_normalized(),
+            "spot light at {position} along {axis}"
+        );
+        assert!(
+            -1.0 <= cone.cos_outer && cone.cos_outer <= cone.cos_inner && cone.cos_inner <= 1.0,
+            "spot light {cone:?}"
+        );
+        if cone.cos_outer >= 1.0 || !self.push(position, axis, intensity, LightKind::Spot) {
+            return false;
+        }
+        self.spots.push(cone);
+        self.push_detail(self.spots.len());
+        true
+    }
+
+    /// Adds a triangle that emits, or nothing when it has no area or no power. Returns whether it was added.
+    ///
+    /// # Panics
+    /// On a non-finite or negative number, or after a virtual light was added.
+    pub fn push_triangle(&mut self, light: &TriangleLight) -> bool {
+        let [a, b, c] = light.corners;
+        assert!(
+            light.corners.iter().all(|p| p.is_finite()) && light.offset >= 0.0,
+            "emissive {light:?}"
+        );
+        // In f64: the area of a small triangle underflows.
+        let normal = (b - a).as_dvec3().cross((c - a).as_dvec3());
+        let Some(normal) = normal.try_normalize() else {
+            return false;
+        };
+        // Both sides emit: of the two normals the one that neighbours are likely to have as well.
+        let normal = normal.as_vec3();
+        let normal = if normal[normal.abs().max_position()] < 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let centre = a / 3.0 + b / 3.0 + c / 3.0;
+        if !self.push(centre, normal, light.intensity, LightKind::Triangle) {
+            return false;
+        }
+        self.areas.push(Area {
+            lo: a.min(b).min(c) - light.offset,
+            hi: a.max(b).max(c) + light.offset,
+            element: light.element,
+        });
+        self.push_detail(self.areas.len());
+        self.peaks[0] = self.peaks[0].max(light.peak);
+        true
+    }
+
+    /// Adds a cell of an environment, or nothing when it has no power. Returns whether it was added.
+    ///
+    /// # Panics
+    /// On a non-finite or negative number, or after a virtual light was added.
+    pub fn push_environment(&mut self, cell: &EnvironmentCell) -> bool {
+        assert!(cell.travel.axis.is_normalized(), "environment {cell:?}");
+        let (axis, kind) = (cell.travel.axis, LightKind::Environment);
+        if !self.push(Vec3::ZERO, axis, cell.irradiance, kind) {
+            return false;
+        }
+        self.cells.push(Cell {
+            travel: cell.travel,
+            element: cell.element,
+        });
+        self.push_detail(self.cells.len());
+        self.peaks[1] = self.peaks[1].max(cell.peak);
+        true
+    }
+
+    /// The light added last has the last of `count` entries in the array of its kind.
+    fn push_detail(&mut self, count: usize) {
+        self.details.resize(self.len() - 1, 0);
+        self.details.push(count as u32 - 1);
     }
 
     /// Adds a virtual light, or nothing when its surface reflects none of its flux. Returns whether it was added.
@@ -167,19 +369,20 @@ impl LightSet {
         self.kinds.iter().filter(|&&k| k == kind).count()
     }
 
-    /// World-space position; the origin for directional lights.
+    /// World-space position, the centre of a triangle; the origin for distant lights.
     #[inline]
     pub fn position(&self, id: LightId) -> Vec3 {
         self.positions[id.index()]
     }
 
-    /// Unit surface normal of a virtual light, travel direction of a directional one, zero for omni lights.
+    /// Unit surface normal of a virtual light or a triangle, axis of a spot, direction in which distant light travels
+    /// (for a cell from its middle), zero for omni lights.
     #[inline]
     pub fn axis(&self, id: LightId) -> Vec3 {
         self.axes[id.index()]
     }
 
-    /// RGB intensity (W/sr) along the axis, or irradiance (W/m²) of a directional light.
+    /// RGB intensity (W/sr) along the axis, or irradiance (W/m²) of distant light.
     #[inline]
     pub fn intensity(&self, id: LightId) -> Vec3 {
         self.intensities[id.index()]
@@ -189,6 +392,87 @@ impl LightSet {
     #[inline]
     pub fn kind(&self, id: LightId) -> LightKind {
         self.kinds[id.index()]
+    }
+
+    /// Least and greatest corner of the box around all points that the light shines from: its position, or a triangle
+    /// with the offset of its points. `None` for distant lights.
+    pub fn bounds(&self, id: LightId) -> Option<(Vec3, Vec3)> {
+        match self.kind(id) {
+            LightKind::Omni | LightKind::Spot | LightKind::Virtual => {
+                Some((self.position(id), self.position(id)))
+            }
+            LightKind::Triangle => {
+                let area = &self.areas[self.detail(id)];
+                Some((area.lo, area.hi))
+            }
+            LightKind::Directional | LightKind::Environment => None,
+        }
+    }
+
+    /// The leaf that a tree has for the light.
+    pub fn leaf(&self, id: LightId) -> Node {
+        let scalar = luminance(self.intensity(id));
+        match self.bounds(id) {
+            Some((lo, hi)) => Node::leaf(lo, hi, scalar, id),
+            None => Node::leaf(Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0, id),
+        }
+    }
+
+    /// Where the light shines, or for distant light where it travels.
+    pub fn emission(&self, id: LightId) -> Emission {
+        let axis = Cone::of(self.axis(id));
+        let (cone, profile) = match self.kind(id) {
+            LightKind::Omni | LightKind::Virtual | LightKind::Directional => {
+                (axis, Profile::Cosine)
+            }
+            LightKind::Spot => {
+                // As wide as rounding may make it.
+                let cos = (self.spots[self.detail(id)].cos_outer - SLACK).max(-1.0);
+                (Cone { cos, ..axis }, Profile::Beam)
+            }
+            LightKind::Triangle => (axis, Profile::BothSides),
+            LightKind::Environment => (self.cells[self.detail(id)].travel, Profile::Cosine),
+        };
+        Emission { cone, profile }
+    }
+
+    /// The cone of a spot light.
+    ///
+    /// # Panics
+    /// For other kinds.
+    #[inline]
+    pub fn spot(&self, id: LightId) -> SpotCone {
+        debug_assert!(self.kind(id) == LightKind::Spot, "{id:?} is no spot light");
+        self.spots[self.detail(id)]
+    }
+
+    /// Which triangle, or which cell of the environment, as the scene counts them.
+    ///
+    /// # Panics
+    /// For other kinds.
+    #[inline]
+    pub fn element(&self, id: LightId) -> u32 {
+        match self.kind(id) {
+            LightKind::Triangle => self.areas[self.detail(id)].element,
+            kind => {
+                debug_assert!(kind == LightKind::Environment, "{id:?} has no element");
+                self.cells[self.detail(id)].element
+            }
+        }
+    }
+
+    /// Greatest that light of one drawn point of a light of `kind` can be over what its intensity says, by channel.
+    pub fn peak(&self, kind: LightKind) -> f32 {
+        match kind {
+            LightKind::Triangle => self.peaks[0],
+            LightKind::Environment => self.peaks[1],
+            LightKind::Omni | LightKind::Spot | LightKind::Virtual | LightKind::Directional => 1.0,
+        }
+    }
+
+    #[inline]
+    fn detail(&self, id: LightId) -> usize {
+        self.details[id.index()] as usize
     }
 
     /// The virtual light as it was stored; `None` for other kinds.
@@ -213,6 +497,10 @@ impl LightSet {
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
         self.len() * (3 * size_of::<Vec3>() + size_of::<LightKind>())
+            + self.details.len() * size_of::<u32>()
+            + self.spots.len() * size_of::<SpotCone>()
+            + self.areas.len() * size_of::<Area>()
+            + self.cells.len() * size_of::<Cell>()
             + self.origins.len() * size_of::<Origin>()
     }
 }

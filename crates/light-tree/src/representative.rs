@@ -172,8 +172,10 @@ mod tests {
                 }
             }
             assert!(seen.iter().all(|n| *n == 1), "{seen:?}");
-            let kinds = [LightKind::Omni, LightKind::Virtual, LightKind::Directional];
-            let kinds = kinds.iter().filter(|k| lights.count(**k) > 0).count();
+            let kinds = LightKind::ALL
+                .iter()
+                .filter(|k| lights.count(**k) > 0)
+                .count();
             assert!(
                 !by_kind || chosen.roots().len() == kinds,
                 "{} roots for {kinds} kinds",

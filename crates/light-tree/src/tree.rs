@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
-use crate::lights::{LightId, LightKind, LightSet, luminance};
+use crate::emission::{Emission, Profile};
+use crate::lights::{LightId, LightSet, luminance};
 
 /// Index of a node in a [`LightTree`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -88,6 +89,8 @@ pub struct LightTree {
     pub(crate) pairs: Vec<Pair>,
     /// One per node: emission axes, or travel directions, of the lights below. Empty when all lights are omni.
     pub(crate) cones: Vec<Cone>,
+    /// One per node: what the cones say. Empty when it is the same for all, [`Profile::Cosine`].
+    pub(crate) profiles: Vec<Profile>,
     /// ‖Iᴰ‖ per node: sum over the lights without falloff. Empty when there is none.
     pub(crate) directional: Vec<f32>,
     pub(crate) lights: usize,
@@ -104,7 +107,7 @@ impl LightTree {
     /// # Panics
     /// When there are more than about a billion lights.
     pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        build::build(lights, builder, build::Apart::Directional)
+        build::build(lights, builder, build::Apart::Distant)
     }
 
     /// As [`build`](Self::build), with lights of each kind in a subtree of their own: for methods where one light
@@ -159,6 +162,19 @@ impl LightTree {
             .unwrap_or(Cone::SPHERE)
     }
 
+    /// Where the lights below shine, or travel.
+    #[inline]
+    pub fn emission(&self, id: NodeId) -> Emission {
+        Emission {
+            cone: self.cone(id),
+            profile: self
+                .profiles
+                .get(id.0 as usize)
+                .copied()
+                .unwrap_or_default(),
+        }
+    }
+
     /// ‖Iᴰ‖: sum of the scalar irradiances of the lights below that do not fall off.
     #[inline]
     pub fn directional_intensity(&self, id: NodeId) -> f32 {
@@ -184,6 +200,7 @@ impl LightTree {
     pub fn bytes(&self) -> usize {
         self.pairs.len() * size_of::<Pair>()
             + self.cones.len() * size_of::<Cone>()
+            + self.profiles.len() * size_of::<Profile>()
             + self.directional.len() * size_of::<f32>()
     }
 
@@ -238,7 +255,7 @@ impl LightTree {
             ));
         }
         for child in [first, NodeId(first.0 + 1)] {
-            if !self.cone(id).holds(&self.cone(child)) {
+            if !self.emission(id).holds(&self.emission(child)) {
                 return Err(format!(
                     "cone of node {} does not hold that of child {}",
                     id.0, child.0
@@ -251,16 +268,20 @@ impl LightTree {
     fn validate_leaf(&self, id: NodeId, light: LightId, lights: &LightSet) -> Result<(), String> {
         let node = self.node(id);
         let scalar = luminance(lights.intensity(light));
-        let (positional, directional) = match lights.kind(light) {
-            LightKind::Directional => (0.0, scalar),
-            LightKind::Omni | LightKind::Virtual => (scalar, 0.0),
+        let distant = lights.kind(light).is_distant();
+        let (positional, directional) = if distant {
+            (0.0, scalar)
+        } else {
+            (scalar, 0.0)
         };
-        let p = lights.position(light);
-        let at_light = node.lo == p && node.hi == p;
-        if (at_light || lights.kind(light) == LightKind::Directional)
+        let at_light = match lights.bounds(light) {
+            Some(bounds) => (node.lo, node.hi) == bounds,
+            None => !node.has_positions(),
+        };
+        if at_light
             && node.intensity == positional
             && self.directional_intensity(id) == directional
-            && self.cone(id) == Cone::of(lights.axis(light))
+            && self.emission(id) == lights.emission(light)
         {
             Ok(())
         } else {

@@ -128,7 +128,7 @@ impl LightTree {
             let seen = receiver.relative(node);
             lit[k] = receiver.cos_bound_over(&seen) * node.intensity;
             if CONES {
-                lit[k] *= seen.emission_bound(self.cone(NodeId(first.0 + k as u32)));
+                lit[k] *= seen.emission_bound(self.emission(NodeId(first.0 + k as u32)));
             }
             let range = seen.distances();
             least2[k] = range.least2.max(self.least_dist2);

@@ -153,7 +153,7 @@ impl WideTree {
             let members = members(tree, node);
             for (lane, &member) in members.iter().enumerate() {
                 let node = tree.node(member);
-                let cone = tree.cone(member);
+                let cone = tree.emission(member).as_cosine();
                 for axis in 0..3 {
                     if node.has_positions() {
                         block.lo[axis][lane] = node.lo[axis] * scale;
@@ -435,7 +435,7 @@ impl Below {
                     (Some(light), _) => {
                         let radius = match lights.kind(light) {
                             LightKind::Virtual => lights.radius(),
-                            LightKind::Omni | LightKind::Directional => 0.0,
+                            _ => 0.0,
                         };
                         (1, radius)
                     }

@@ -13,4 +13,7 @@ pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use rng::{Purpose, Rng};
 pub use sequence::Sequence;
-pub use warp::{Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_sphere};
+pub use warp::{
+    Frame, cosine_hemisphere, phong_lobe, uniform_cone, uniform_disc, uniform_sphere,
+    uniform_triangle,
+};

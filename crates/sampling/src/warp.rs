@@ -71,6 +71,23 @@ pub fn uniform_cone(one_minus_cos: f32, u: [f32; 2]) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
+/// A point uniform over the unit disc.
+#[inline]
+pub fn uniform_disc(u: [f32; 2]) -> [f32; 2] {
+    let r = u[0].sqrt();
+    let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
+    [r * cos, r * sin]
+}
+
+/// Barycentric weights of the second and third corner of a point uniform over a triangle.
+///
+/// Source: Turk 1990, "Generating Random Points in Triangles", Graphics Gems.
+#[inline]
+pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
+    let root = u[0].sqrt();
+    [root * (1.0 - u[1]), root * u[1]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,6 +119,33 @@ mod tests {
         let sd = ((n + 1.0) / (n + 3.0) - mean * mean).sqrt();
         check_mean_z("phong", mean, sd, |u| phong_lobe(9.0, u));
         check_mean_z("cone", 0.75, 0.5 / 12.0f64.sqrt(), |u| uniform_cone(0.5, u));
+    }
+
+    #[test]
+    fn points_fill_a_triangle_and_a_disc_evenly() {
+        // The triangle in four: each gets a quarter, within 5 sigma of 40,000 draws.
+        let mut rng = Rng::new(8, 0, 0, Purpose::Build);
+        let mut counts = [0i32; 4];
+        for _ in 0..40_000 {
+            let [a, b] = uniform_triangle([rng.f32(), rng.f32()]);
+            assert!(a >= 0.0 && b >= 0.0 && a + b <= 1.0 + 1e-6, "{a}, {b}");
+            let corner = [a > 0.5, b > 0.5, a + b < 0.5];
+            counts[corner.iter().position(|c| *c).unwrap_or(3)] += 1;
+        }
+        assert!(
+            counts.iter().all(|c| i32::abs(c - 10_000) < 433),
+            "{counts:?}"
+        );
+        // The disc in four rings of equal area.
+        let mut counts = [0i32; 4];
+        for _ in 0..40_000 {
+            let [x, y] = uniform_disc([rng.f32(), rng.f32()]);
+            counts[((x * x + y * y) * 4.0).min(3.0) as usize] += 1;
+        }
+        assert!(
+            counts.iter().all(|c| i32::abs(c - 10_000) < 433),
+            "{counts:?}"
+        );
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod brdf;
 mod camera;
 mod emitter;
+mod environment;
 mod error;
 pub mod load;
 mod material;
@@ -17,7 +18,8 @@ mod view;
 
 pub use brdf::{Brdf, BrdfSample};
 pub use camera::CameraSpec;
-pub use emitter::Emitter;
+pub use emitter::{Emitter, EmitterPoint};
+pub use environment::{Cell, Environment, EnvironmentSample};
 pub use error::SceneError;
 pub use material::{Material, MaterialId};
 pub use mesh::{ABSENT, Mesh};
@@ -34,8 +36,12 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Indexed by [`TextureId`]; one entry per file, however many materials use it.
     pub textures: Vec<Texture>,
-    /// The scene's own lights, in file order; empty is legal and renders black.
+    /// The scene's own lights but for the environment; triangles come last. Empty is legal and renders black.
     pub emitters: Vec<Emitter>,
+    /// One a triangle: whether it is among the lights. Empty when none is.
+    pub emissive: Vec<bool>,
+    /// Light from beyond the scene.
+    pub environment: Option<Environment>,
     /// Where the picture is seen from.
     pub camera: CameraSpec,
     /// Length of a scene unit in metres; information only, all computation is in scene units.
@@ -55,6 +61,11 @@ pub struct LoadNotes {
     pub zero_normals: usize,
     /// Lights of zero power, dropped.
     pub zero_power_lights: usize,
+    /// Environments that are black everywhere, dropped.
+    pub black_environments: usize,
+    /// Triangles of an emissive material that are no lights: black all over by their texture, or so large that their
+    /// power is not finite.
+    pub dark_emissive_triangles: usize,
     /// Emissive materials (`Ke`) that the scene's `lights` list does not ask for.
     pub ignored_emissive_materials: usize,
     /// Other things worth a line in the report, each a sentence.

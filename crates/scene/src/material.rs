@@ -24,6 +24,8 @@ pub struct Material {
     pub exponent: f32,
     /// `Ke`, emitted radiance, W/sr/m², finite and not negative.
     pub emission: Vec3,
+    /// `map_Ke`; multiplies `emission`.
+    pub emission_map: Option<TextureId>,
     /// `d`, in [0, 1]; below ½ the surface is not there.
     pub opacity: f32,
     /// `map_d`: where its value times `opacity` is below ½ the surface is not there.
@@ -40,6 +42,7 @@ impl Default for Material {
             specular: Vec3::ZERO,
             exponent: 1.0,
             emission: Vec3::ZERO,
+            emission_map: None,
             opacity: 1.0,
             opacity_map: None,
         }

@@ -35,7 +35,6 @@ impl Scene {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let [a, b, c] = self.mesh.corners(t);
         let position = a * weights[0] + b * weights[1] + c * weights[2];
-        let size = a.abs().max(b.abs()).max(c.abs()).max_element();
 
         // Degenerate triangles were dropped at load: only one that underflows has no normal.
         let ng = (b - a)
@@ -67,8 +66,14 @@ impl Scene {
             ns,
             brdf: self.brdf(material, uv),
             material,
-            offset: OFFSET * size,
+            offset: self.ray_offset(t),
         }
+    }
+
+    /// Distance off triangle `t` at which a ray may start without meeting it again.
+    pub fn ray_offset(&self, t: usize) -> f32 {
+        let [a, b, c] = self.mesh.corners(t).map(Vec3::abs);
+        OFFSET * a.max(b).max(c).max_element()
     }
 
     /// Reflection of `material` at texture coordinate `uv`; never more than arrives.

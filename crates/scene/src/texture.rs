@@ -48,6 +48,14 @@ impl Texture {
         })
     }
 
+    /// The greatest linear value of each channel anywhere.
+    pub(crate) fn brightest(&self) -> Vec3 {
+        let greatest = self.texels.iter().fold([0; 3], |most, texel| {
+            std::array::from_fn(|c| texel[c].max(most[c]))
+        });
+        greatest.map(|c| SRGB_TO_LINEAR[usize::from(c)]).into()
+    }
+
     /// Opacity at `uv` in [0, 1], bilinear: alpha, or red where the file has no alpha.
     pub fn opacity(&self, uv: Vec2) -> f32 {
         self.bilinear(uv, |[r, _, _, a]| {

@@ -277,13 +277,38 @@ fn bad_scene_files_are_refused() {
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
-                "Emissive",
-                &["scene.ron:7:9", "Emissive", "not supported yet"],
+                "Emisive",
+                &["scene.ron:7:9", "did you mean `Emissive`"],
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
-                "Environment(radiance: (1, 1, 1))",
-                &["scene.ron:7:9", "not supported yet"],
+                "Environment(radiance: (1, 1, 1), image: \"sky.exr\")",
+                &[
+                    "scene.ron:7:9",
+                    "expected Environment(radiance: (r, g, b)) or",
+                ],
+            ),
+            (
+                "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
+                "Environment(radiance: (1, 1, 1)), Environment(radiance: (1, 1, 1))",
+                &[
+                    "scene.ron:7:43",
+                    "lights[2]",
+                    "a second environment beside lights[1]",
+                ],
+            ),
+            (
+                "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
+                "Environment(image: \"sky.exr\")",
+                &["scene.ron:7:", "lights[1].image", "sky.exr: No such file"],
+            ),
+            (
+                "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
+                "Environment(image: \"scene.mtl\")",
+                &[
+                    "scene.ron:7:",
+                    "scene.mtl: not an EXR, HDR, PNG or JPEG file",
+                ],
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
@@ -292,8 +317,8 @@ fn bad_scene_files_are_refused() {
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
-                "Directional(direction: (0, -1, 0), irradiance: (1, 1, 1))",
-                &["scene.ron:7:9", "not supported yet"],
+                "Directional(direction: (0, -1, 0), irradiance: (1, -1, 1))",
+                &["scene.ron:7:", "lights[1].irradiance", "none negative"],
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
@@ -302,8 +327,11 @@ fn bad_scene_files_are_refused() {
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",
-                "Spot(position: (0, 2, 0), direction: (0, 1, 0), intensity: (1, 1, 1), cos_inner: 1, cos_outer: 0.5)",
-                &["scene.ron:7:9", "not supported yet"],
+                "Spot(position: (0, 2, 0), direction: (0, 1, 0), intensity: (1, 1, 1), cos_inner: 0.5, cos_outer: 0.75)",
+                &[
+                    "scene.ron:7:",
+                    "lights[1].cos_inner: found 0.5; expected at least cos_outer, which is 0.75",
+                ],
             ),
             (
                 "Point(position: (0, 2, 0), intensity: (1, 1, 1))",

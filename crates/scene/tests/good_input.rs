@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use image::{DynamicImage, ImageFormat};
-use manylight_scene::{ABSENT, Scene, load::load};
+use manylight_scene::{ABSENT, Emitter, Scene, load::load};
 
 const CAMERA: &str =
     "camera: (origin: (0, 1, 5), target: (0, 1, 0), up: (0, 1, 0), fov_y_deg: 60.0)";
@@ -279,4 +279,141 @@ fn several_geometry_files_and_folders_merge() {
         "a light without power is counted"
     );
     assert!(scene.emitters.is_empty(), "and left out");
+}
+
+/// A scene with this list of lights, a square of emissive material and one of grey.
+fn load_lights(lights: &str, mtl: &str, sky: &DynamicImage, name: &str) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let scene = format!("(geometry: [\"a.obj\"], {CAMERA}, lights: [{lights}])");
+    std::fs::write(path("scene.ron"), scene).expect("a file");
+    let obj = format!(
+        "mtllib a.mtl\n{SQUARE}v 0 0 9\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl lit\n\
+         f 1/1 2/2 3/3 4/4\nusemtl grey\nf 1 2 5\n"
+    );
+    std::fs::write(path("a.obj"), obj).expect("a file");
+    std::fs::write(
+        path("a.mtl"),
+        format!("newmtl grey\nKd 0.5\nnewmtl lit\nKd 0.5\n{mtl}"),
+    )
+    .expect("a file");
+    sky.save(path(name)).expect("a picture");
+    load(&path("scene.ron")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn grey(value: f32) -> DynamicImage {
+    image::Rgb32FImage::from_pixel(4, 2, image::Rgb([value; 3])).into()
+}
+
+#[test]
+fn every_kind_of_light_is_read() {
+    let scene = load_lights(
+        "Spot(position: (1, 2, 3), direction: (0, 0, -2), intensity: (1, 2, 3), cos_inner: 0.5, cos_outer: 0.5),
+         Spot(position: (1, 2, 3), direction: (0, 0, -2), intensity: (1, 2, 3), cos_inner: 1, cos_outer: 1),
+         Directional(direction: (0, -3, 0), irradiance: (4, 5, 6)), Emissive, Environment(radiance: (1, 1, 0))",
+        "Ke 7 8 9\n",
+        &grey(1.0),
+        "sky.exr",
+    );
+    let [spot, parallel, a, b] = &scene.emitters[..] else {
+        panic!("four lights: {:?}", scene.emitters);
+    };
+    let expected = Emitter::Spot {
+        position: Vec3::new(1.0, 2.0, 3.0),
+        direction: Vec3::NEG_Z,
+        intensity: Vec3::new(1.0, 2.0, 3.0),
+        cos_inner: 0.5,
+        cos_outer: 0.5,
+    };
+    assert_eq!(*spot, expected, "a hard edge");
+    assert_eq!(scene.notes.zero_power_lights, 1, "an angle of 0");
+    let expected = Emitter::Directional {
+        direction: Vec3::NEG_Y,
+        irradiance: Vec3::new(4.0, 5.0, 6.0),
+    };
+    assert_eq!(*parallel, expected, "parallel light");
+    for (light, triangle) in [(a, 0), (b, 1)] {
+        let expected = Emitter::Triangle {
+            triangle,
+            radiance: Vec3::new(7.0, 8.0, 9.0),
+            peak: 1.0,
+        };
+        assert_eq!(*light, expected, "half of the square");
+    }
+    assert_eq!(scene.emissive, [true, true, false], "one table of lights");
+    assert_eq!(scene.emitted(2, 0.3, 0.3), Vec3::ZERO, "the grey one");
+    assert_eq!(scene.notes.ignored_emissive_materials, 0, "asked for");
+    let sky = scene.environment.expect("a sky");
+    assert_eq!(
+        sky.radiance(Vec3::X),
+        Vec3::new(1.0, 1.0, 0.0),
+        "its colour"
+    );
+}
+
+#[test]
+fn environments_are_read_from_every_kind_of_picture() {
+    let kinds = [
+        ("sky.exr", grey(2.5), 2.5),
+        ("sky.hdr", grey(2.5), 2.5),
+        // sRGB 188 is half of the light of 255.
+        (
+            "sky.png",
+            image::RgbImage::from_pixel(4, 2, image::Rgb([188; 3])).into(),
+            0.503,
+        ),
+        (
+            "sky.jpg",
+            image::RgbImage::from_pixel(8, 8, image::Rgb([188; 3])).into(),
+            0.503,
+        ),
+    ];
+    for (name, picture, value) in kinds {
+        let lights = format!("Environment(image: \"{name}\", scale: 2.0)");
+        let scene = load_lights(&lights, "", &picture, name);
+        let sky = scene.environment.unwrap_or_else(|| panic!("{name}"));
+        let found = sky.radiance(Vec3::X);
+        assert!(
+            (found - 2.0 * value).abs().max_element() < 0.02,
+            "{name}: {found}"
+        );
+    }
+    let lights = "Environment(image: \"sky.exr\")";
+    let black = load_lights(lights, "", &grey(0.0), "sky.exr");
+    assert!(black.environment.is_none(), "black");
+    assert_eq!(black.notes.black_environments, 1, "and counted");
+}
+
+#[test]
+fn a_texture_makes_the_mean_of_an_emissive_triangle() {
+    // The left half bright, the right one black, in a file with an alpha channel that is of no matter.
+    let half = image::RgbaImage::from_fn(64, 64, |x, _| {
+        image::Rgba([if x < 32 { 255 } else { 0 }, 0, 0, 9])
+    });
+    let scene = load_lights("Emissive", "Ke 4\nmap_Ke t.png\n", &half.into(), "t.png");
+    let mut mean = 0.0;
+    for light in &scene.emitters {
+        let &Emitter::Triangle {
+            triangle,
+            radiance,
+            peak,
+        } = light
+        else {
+            panic!("{light:?}");
+        };
+        assert_eq!((radiance.y, radiance.z), (0.0, 0.0), "red only");
+        assert!((radiance.x * peak - 4.0).abs() < 1e-4, "bound of {light:?}");
+        // The triangles are cut along the diagonal: ¼ and ¾ of each is lit.
+        let exact = if triangle == 0 { 1.0 } else { 3.0 };
+        assert!((radiance.x - exact).abs() < 0.05, "{light:?}");
+        mean += radiance.x / 2.0;
+    }
+    assert!((mean - 2.0).abs() < 0.03, "half of 4: {mean}");
+    let black = image::RgbImage::new(4, 4);
+    let scene = load_lights("Emissive", "Ke 4\nmap_Ke t.png\n", &black.into(), "t.png");
+    assert!(
+        scene.emitters.is_empty() && scene.emissive.is_empty(),
+        "no light"
+    );
+    assert_eq!(scene.notes.dark_emissive_triangles, 2, "counted");
 }

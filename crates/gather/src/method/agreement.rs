@@ -17,7 +17,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/nave/scene.ron");
     let scene = scene::load::load(&path).expect("the built-in scene loads");
     let tracer = Tracer::build(&scene);
-    let mut lights: LightSet = vpl::source_lights(&scene.emitters);
+    let mut lights: LightSet = vpl::source_lights(&scene);
     let spec = vpl::VirtualLightSpec {
         count,
         max_bounces: 8,
@@ -73,6 +73,7 @@ fn compare(method: &StochasticLightcutsSpec, estimates: u32) -> Agreement {
             let run = |method: &MethodSpec, count| {
                 let seed = i as u64;
                 let visitor = Estimates {
+                    scene: &scene,
                     inputs: &inputs,
                     tracer: &tracer,
                     x,

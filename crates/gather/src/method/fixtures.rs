@@ -23,7 +23,10 @@ pub(crate) fn at<'m, M: Method<'m>>(
     sample: u64,
 ) -> (DVec3, Counters) {
     let mut scratch = QueueScratch::default();
-    let mut queue = ShadowQueue::new(&inputs.lights, tracer, shape, 1, &mut scratch);
+    // Lights without extent ask for nothing of the scene.
+    let scene = Scene::default();
+    let lights = &inputs.lights;
+    let mut queue = ShadowQueue::new(&scene, lights, tracer, shape, 1, &mut scratch);
     let stream = |purpose| Rng::new(3, 0, sample, purpose);
     queue.begin_point(stream(Purpose::LightSurface));
     method.point(

@@ -148,7 +148,28 @@ methods! {
     StratifiedLightcuts(StratifiedLightcuts, StratifiedLightcutsSpec, "stratified-lightcuts"),
 }
 
+/// Asks a method whether it is unbiased.
+struct Honesty;
+
+impl Visitor for Honesty {
+    type Output = bool;
+
+    fn visit<'a, M: Method<'a>>(self, method: M) -> bool {
+        method.is_unbiased()
+    }
+}
+
 impl MethodSpec {
+    /// [`Method::is_unbiased`] of the method with these settings.
+    pub fn is_unbiased(&self) -> bool {
+        // It depends on settings alone, so no light is needed.
+        let nothing = Inputs::new(
+            light_tree::LightSet::default(),
+            light_tree::TreeBuilder::Binned,
+        );
+        self.visit(&nothing, Honesty)
+    }
+
     /// Whether it asks for a light tree.
     pub fn uses_tree(&self) -> bool {
         use MethodSpec::{AllLights, Importance, Power, Uniform};

@@ -345,7 +345,10 @@ mod tests {
             x.slot = slot;
         }
         let mut scratch = QueueScratch::default();
-        let mut queue = ShadowQueue::new(&inputs.lights, tracer, SHAPE, xs.len(), &mut scratch);
+        // Lights without extent ask for nothing of the scene.
+        let scene = scene::Scene::default();
+        let lights = &inputs.lights;
+        let mut queue = ShadowQueue::new(&scene, lights, tracer, SHAPE, xs.len(), &mut scratch);
         let stream = |purpose| Rng::new(3, 0, 0, purpose);
         queue.begin_points(xs.len(), stream(Purpose::LightSurface));
         method.pixel(

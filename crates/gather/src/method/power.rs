@@ -71,16 +71,20 @@ fn powers(lights: &LightSet) -> Vec<f64> {
         .ids()
         .map(|id| {
             let scalar = f64::from(luminance(lights.intensity(id)));
-            if lights.kind(id) == LightKind::Directional {
+            let kind = lights.kind(id);
+            if kind.is_distant() {
                 parallel += scalar;
                 return scalar;
             }
             lo = lo.min(lights.position(id));
             hi = hi.max(lights.position(id));
-            let power = match lights.kind(id) {
-                LightKind::Virtual => PI * scalar,
-                LightKind::Omni | LightKind::Directional => 4.0 * PI * scalar,
-            };
+            let power = scalar
+                * match kind {
+                    LightKind::Virtual => PI,
+                    LightKind::Triangle => 2.0 * PI,
+                    LightKind::Spot => f64::from(lights.spot(id).solid_angle()),
+                    _ => 4.0 * PI,
+                };
             placed += power;
             power
         })
@@ -93,7 +97,7 @@ fn powers(lights: &LightSet) -> Vec<f64> {
             placed / parallel
         };
         for id in lights.ids() {
-            if lights.kind(id) == LightKind::Directional {
+            if lights.kind(id).is_distant() {
                 powers[id.index()] *= section;
             }
         }

@@ -157,6 +157,8 @@ mod tests {
             ..Default::default()
         });
         let visitor = Estimates {
+            // Lights without extent ask for nothing of the scene.
+            scene: &scene::Scene::default(),
             inputs,
             tracer,
             x,
@@ -243,6 +245,7 @@ mod tests {
                     let (values, counters) = estimates(&inputs, &tracer, x, 10, 0.0);
                     assert_eq!(counters.nonfinite, 0, "{name}");
                     let all = Estimates {
+                        scene: &scene,
                         inputs: &inputs,
                         tracer: &tracer,
                         x,

@@ -175,8 +175,14 @@ mod tests {
             };
             let mut memory = QueueScratch::default();
             let shape = VirtualShape::Sphere;
-            let mut queue =
-                ShadowQueue::new(&inputs.lights, &tracer, shape, points.len(), &mut memory);
+            let mut queue = ShadowQueue::new(
+                &scene,
+                &inputs.lights,
+                &tracer,
+                shape,
+                points.len(),
+                &mut memory,
+            );
             let mut scratch = Default::default();
             method.begin_tile(&tile, &mut scratch);
             for x in &points {

@@ -321,6 +321,7 @@ mod tests {
         });
         let count = 10_000;
         let estimates = Estimates {
+            scene: &scene,
             inputs: &inputs,
             tracer: &tracer,
             x: tilted,

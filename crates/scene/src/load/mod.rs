@@ -3,6 +3,8 @@
 //! Scene files are untrusted: every number is checked, nothing panics, and names in files cannot leave the
 //! scene's folder. What is dropped is counted in [`LoadNotes`].
 
+mod emissive;
+mod environment;
 mod lights;
 mod mtl;
 mod obj;
@@ -76,7 +78,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         let bytes = bytes.map_err(|e| here.error(&field, unreadable(&source, &name, &e)))?;
         obj::read(&mut parts, &source, &name, &bytes)?;
     }
-    let emitters = lights::read(&file.lights, &here, &mut parts.notes)?;
+    let lights = lights::read(&file.lights, &here, &mut parts.notes)?;
     let textures: Vec<_> = parts
         .textures
         .all()
@@ -96,16 +98,24 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         let message = "the scene has no triangles: every picture of it is black";
         notes.remarks.push(message.to_owned());
     }
-    notes.ignored_emissive_materials = emissive_in_use(&mesh, &materials);
-    Ok(Scene {
+    if !lights.emissive {
+        notes.ignored_emissive_materials = emissive_in_use(&mesh, &materials);
+    }
+    let mut scene = Scene {
         mesh,
         materials,
         textures,
-        emitters,
+        emitters: lights.emitters,
+        emissive: Vec::new(),
+        environment: lights.environment,
         camera: file.camera.0,
         metres_per_unit: file.metres_per_unit.0,
         notes,
-    })
+    };
+    if lights.emissive {
+        emissive::find(&mut scene);
+    }
+    Ok(scene)
 }
 
 /// Emissive materials that some triangle has.

@@ -85,6 +85,7 @@ pub(super) fn read(
         };
         let diffuse_map = map(&material.diffuse_texture, "map_Kd");
         let opacity_map = map(&material.dissolve_texture, "map_d");
+        let emission_map = map(&material.unknown_param.get("map_Ke").cloned(), "map_Ke");
         // MTL has no default; a map alone is meant to be seen as it is.
         let missing_diffuse = Vec3::splat(if diffuse_map.is_some() { 1.0 } else { 0.0 });
         if material.diffuse.is_none() {
@@ -99,6 +100,7 @@ pub(super) fn read(
             diffuse: material.diffuse.map_or(missing_diffuse, Vec3::from),
             specular: material.specular.map_or(Vec3::ZERO, Vec3::from),
             emission: material.emissive.map_or(Vec3::ZERO, Vec3::from),
+            emission_map,
             diffuse_map,
             opacity_map,
             name: material.name,
@@ -213,8 +215,12 @@ fn check(
                 }
                 writeln(&mut out.plain, key, &number.to_string());
             }
-            "map_Kd" | "map_d" => {
-                let key = if key == "map_d" { "map_d" } else { "map_Kd" };
+            "map_Kd" | "map_d" | "map_Ke" => {
+                let key = match key {
+                    "map_d" => "map_d",
+                    "map_Ke" => "map_Ke",
+                    _ => "map_Kd",
+                };
                 let (options, file) = map_options(rest);
                 if file.is_empty() {
                     return Err(at.error(format!("{key}: there is no file name")));
@@ -246,7 +252,7 @@ fn check(
 /// The usual spelling of the keys that are read, in whatever case they come.
 fn canonical(key: &str) -> &str {
     let known = [
-        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "map_Kd", "map_d", "illum", "Ka",
+        "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "map_Kd", "map_d", "map_Ke", "illum", "Ka",
     ];
     let same = |known: &&&str| known.eq_ignore_ascii_case(key);
     known.iter().find(same).copied().unwrap_or(key)

@@ -31,7 +31,6 @@ pub(super) enum LightEntry {
         position: Point,
         intensity: Colour,
     },
-    #[expect(dead_code, reason = "checked, but not supported yet")]
     Spot {
         position: Point,
         direction: Direction,
@@ -39,13 +38,11 @@ pub(super) enum LightEntry {
         cos_inner: Cosine,
         cos_outer: Cosine,
     },
-    #[expect(dead_code, reason = "checked, but not supported yet")]
     Directional {
         direction: Direction,
         irradiance: Colour,
     },
     Emissive,
-    #[expect(dead_code, reason = "checked, but not supported yet")]
     Environment {
         #[serde(default)]
         radiance: Option<Colour>,
@@ -148,7 +145,6 @@ number!(
 );
 number!(
     /// Cosine of an angle.
-    #[expect(dead_code, reason = "checked, but not supported yet")]
     Cosine, |x| (-1.0..=1.0).contains(&x), "a number from -1 to 1"
 );
 number!(
