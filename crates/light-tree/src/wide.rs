@@ -129,7 +129,7 @@ impl WideTree {
             1.0
         };
         let root = tree.node(tree.root());
-        let total = root.intensity + tree.directional_intensity(tree.root()) * scale * scale;
+        let total = root.intensity + tree.directional_intensity(tree.root()) / (scale * scale);
         let mut wide = Self {
             blocks: Vec::with_capacity(tree.light_count() / 4 + 1),
             parallel: Vec::new(),
@@ -172,7 +172,7 @@ impl WideTree {
                 if !node.has_positions() {
                     block.near2[lane] = LEAST_DIST2;
                 }
-                parallel[lane] = tree.directional_intensity(member) * share * scale * scale;
+                parallel[lane] = tree.directional_intensity(member) * share / (scale * scale);
                 if let Some(light) = node.light() {
                     block.clusters[lane] = Cluster(LIGHT | light.0);
                 }
