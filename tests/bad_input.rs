@@ -63,6 +63,8 @@ const RUN_FILES: &[Change] = &[
     ("seed: 1", "seed: -1", 6, &["seed", "-1"]),
     ("seed: 1", "seed: 18446744073709551616", 6, &["seed"]),
     ("seed: 1", "integrator: Sideways", 6, &["Sideways", "Direct"]),
+    ("seed: 1", "integrator: Path(max_bounces: -1)", 6, &["max_bounces: found -1; expected 0..=1024"]),
+    ("seed: 1", "integrator: Path", 6, &["integrator: found Path with lights: Virtual", "expected integrator: Direct, or lights: AsGiven"]),
     ("seed: 1,", "seed: 1, seed: 2,", 6, &["seed"]),
     ("seed: 1,", "scene: \"b.ron\",", 6, &["scene"]),
     ("scene: \"scene/scene.ron\",", "", 1, &["scene"]),

@@ -321,6 +321,57 @@ fn set_changes_any_field() {
 }
 
 #[test]
+fn paths_and_lights_of_every_kind_are_reported() {
+    let folder = Folder::with_room();
+    let mtl = String::from_utf8(folder.read("scene/room.mtl")).expect("text");
+    folder.write("scene/room.mtl", format!("{mtl}Ke 2 2 1\n"));
+    let scene = String::from_utf8(folder.read("scene/scene.ron")).expect("text");
+    let more = "lights: [Emissive, Environment(radiance: (0.1, 0.2, 0.3)),
+        Spot(position: (0, 1.9, 0), direction: (0, -1, 0), intensity: (1, 1, 1), cos_inner: 0.9, cos_outer: 0.8),
+        Directional(direction: (1, -1, 0), irradiance: (1, 1, 1)),
+        Directional(direction: (1, -1, 0), irradiance: (0, 0, 0)),";
+    folder.write("scene/scene.ron", scene.replace("lights: [", more));
+    let settings = [
+        "--set",
+        "lights=AsGiven",
+        "--set",
+        "integrator=Path(max_bounces: 2)",
+    ];
+    let run = |command: &str| {
+        let words = [&[command, "room.ron"], &settings[..]].concat();
+        folder.run_words(&words).fine()
+    };
+    let said = run("check").stdout;
+    // The block's five sides, without the one it stands on.
+    for part in [
+        "2 point, 1 spot, 10 triangle, 1 directional, 256 of the environment",
+        "1 lights without power dropped",
+        "emissive triangles, environment",
+        "eye paths that bounce",
+    ] {
+        assert!(said.contains(part), "no {part:?} in {said}");
+    }
+    run("render");
+    let report = folder.json("out/room.json");
+    for (kind, count) in [
+        ("spot", 1),
+        ("triangle", 10),
+        ("directional", 1),
+        ("environment", 256),
+    ] {
+        assert_eq!(report["lights"][kind], count, "{kind}");
+    }
+    assert_eq!(report["nonfinite"], 0, "all samples are sound");
+    let rays = |kind: &str| report["rays"][kind].as_u64().expect("a number");
+    let (camera, bounce) = (rays("camera"), rays("bounce"));
+    assert!(
+        bounce > camera && bounce <= 3 * camera,
+        "{bounce} rays behind {camera}"
+    );
+    assert!(report["shading_points"].as_u64() > Some(camera), "vertices");
+}
+
+#[test]
 fn check_says_what_a_render_would_need_and_renders_nothing() {
     let folder = Folder::with_room();
     let before = folder.files();

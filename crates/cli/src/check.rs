@@ -1,6 +1,6 @@
 //! `manylight check`.
 
-use gather::Plan;
+use gather::{BOUNCES, Integrator, Plan};
 use light_tree::{LightKind, LightSet};
 use scene::trace::Tracer;
 
@@ -41,6 +41,7 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
         "picture    {}x{}, {} samples a pixel",
         job.width, job.height, job.spp
     ));
+    answer.line(format_args!("paths      {:?}", job.integrator));
     answer.line(format_args!("method     {:?}", job.method));
     for (count, what) in [
         (notes.degenerate_triangles, "triangles without area dropped"),
@@ -76,6 +77,9 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let mut plan = Plan::of(&scene, &lights, uses_tree);
     if matches!(job.lights, LightsSpec::Virtual(_)) && !lights.is_empty() {
         plan.need("virtual lights");
+    }
+    if job.integrator != Integrator::Direct {
+        plan.need(BOUNCES);
     }
     answer.line(format_args!("needs      {}", plan.needs().join(", ")));
     answer.line(format_args!("skips      {}", plan.skipped().join(", ")));

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use gather::{MethodSpec, VirtualShape};
+use gather::{Integrator, MethodSpec, VirtualShape};
 use light_tree::TreeBuilder;
 use ron_file::{Override, Place, RonError};
 use serde::Deserialize;
@@ -22,7 +22,7 @@ struct JobSpec {
     #[serde(default)]
     lights: LightsSpec,
     #[serde(default)]
-    integrator: Integrator,
+    integrator: IntegratorSpec,
     #[serde(default)]
     tree: TreeSpec,
     #[serde(default)]
@@ -149,12 +149,39 @@ impl From<Builder> for TreeBuilder {
     }
 }
 
-/// Which light paths are followed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-enum Integrator {
+/// [`Integrator`] in a run file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+enum IntegratorSpec {
     /// To the first hit, and from there to the lights in use.
     #[default]
     Direct,
+    /// On behind it.
+    Path(PathSpec),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct PathSpec {
+    max_bounces: PathBounces,
+}
+
+impl Default for PathSpec {
+    fn default() -> Self {
+        Self {
+            max_bounces: PathBounces(5),
+        }
+    }
+}
+
+impl From<IntegratorSpec> for Integrator {
+    fn from(spec: IntegratorSpec) -> Self {
+        match spec {
+            IntegratorSpec::Direct => Self::Direct,
+            IntegratorSpec::Path(path) => Self::Path {
+                max_bounces: path.max_bounces.0,
+            },
+        }
+    }
 }
 
 /// A whole number in a range, checked while it is read so that the message knows its place.
@@ -191,6 +218,7 @@ whole!(Extent, u32, 1..=65_536);
 whole!(Samples, u32, 1..=16_777_216);
 whole!(LightCount, usize, 0..=1_000_000_000);
 whole!(Bounces, u32, 1..=1024);
+whole!(PathBounces, u32, 0..=1024);
 
 /// A finite length, 0 or more.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -229,7 +257,7 @@ impl TryFrom<f32> for Clamp {
 }
 
 /// Variants with fields that a run file may write without parentheses.
-pub(crate) const BARE: &[&str] = &["Virtual", "Vsl", "Vpl"];
+pub(crate) const BARE: &[&str] = &["Virtual", "Vsl", "Vpl", "Path"];
 
 /// A sound job: every number is in range and the scene file is there to be read.
 #[derive(Debug, Clone)]
@@ -242,6 +270,7 @@ pub(crate) struct Job {
     pub(crate) height: u32,
     pub(crate) spp: u32,
     pub(crate) lights: LightsSpec,
+    pub(crate) integrator: Integrator,
     pub(crate) tree: TreeSpec,
     pub(crate) method: MethodSpec,
     pub(crate) seed: u64,
@@ -263,7 +292,11 @@ impl Job {
         overrides.extend(arguments.overrides.iter().cloned());
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
         let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
-        let Integrator::Direct = spec.integrator;
+        if let (IntegratorSpec::Path(_), LightsSpec::Virtual(_)) = (spec.integrator, spec.lights) {
+            let message = "found Path with lights: Virtual, which hold all that is reflected already; expected \
+                 integrator: Direct, or lights: AsGiven";
+            return Err(field_error(arguments, "integrator", message));
+        }
         let image = spec.image;
         let [width, height] = arguments.size.unwrap_or([image.width.0, image.height.0]);
         let spp = arguments.spp.unwrap_or(image.spp.0);
@@ -272,8 +305,8 @@ impl Job {
             .config
             .file_stem()
             .map(|s| s.to_string_lossy().into_owned());
-        let scene =
-            find_scene(&spec.scene, folder).map_err(|message| scene_error(arguments, &message))?;
+        let scene = find_scene(&spec.scene, folder)
+            .map_err(|message| field_error(arguments, "scene", &message))?;
         Ok(Self {
             file: arguments.config.clone(),
             scene,
@@ -281,6 +314,7 @@ impl Job {
             height,
             spp,
             lights: spec.lights,
+            integrator: spec.integrator.into(),
             tree: spec.tree,
             method: spec.method,
             seed: arguments.seed.unwrap_or(spec.seed),
@@ -352,9 +386,10 @@ pub(crate) fn find_scene(found: &str, folder: &Path) -> Result<PathBuf, String> 
     ))
 }
 
-/// An error about the run file's `scene`, at the place it comes from.
-fn scene_error(arguments: &JobArgs, message: &str) -> CliError {
-    let set = arguments.overrides.iter().rfind(|set| set.path == "scene");
+/// An error about a `field` of the run file, at the place it comes from.
+fn field_error(arguments: &JobArgs, field: &str, message: &str) -> CliError {
+    let is_meant = |set: &&Override| set.path.split('.').next() == Some(field);
+    let set = arguments.overrides.iter().rfind(is_meant);
     if let Some(set) = set {
         return CliError::Ron(RonError::Set {
             set: set.to_string(),
@@ -363,12 +398,12 @@ fn scene_error(arguments: &JobArgs, message: &str) -> CliError {
     }
     // It was read a moment ago; should it be gone, the error is still about the right file.
     let text = std::fs::read_to_string(&arguments.config).unwrap_or_default();
-    let place = ron_file::place(&text, "scene").unwrap_or(Place { line: 1, column: 1 });
+    let place = ron_file::place(&text, field).unwrap_or(Place { line: 1, column: 1 });
     CliError::Ron(RonError::File {
         file: arguments.config.display().to_string(),
         line: place.line,
         column: place.column,
-        message: format!("scene: {message}"),
+        message: format!("{field}: {message}"),
     })
 }
 

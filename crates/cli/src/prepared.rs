@@ -136,6 +136,7 @@ pub(crate) fn render<'a>(
             spp: job.spp,
             seed: job.seed,
             shape: job.shape(),
+            integrator: job.integrator,
             shard,
         },
     )

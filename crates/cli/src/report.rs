@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use film::Metrics;
-use gather::{Plan, Render};
+use gather::{BOUNCES, Integrator, Plan, Render};
 use light_tree::LightKind;
 use scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -120,7 +120,10 @@ pub(crate) fn write(
     let tree = inputs.built_tree();
     let wide_tree = inputs.built_wide_tree();
     let virtual_lights = &prepared.lights.virtual_lights;
-    let plan = Plan::of(scene, lights, tree.is_some());
+    let mut plan = Plan::of(scene, lights, tree.is_some());
+    if job.integrator != Integrator::Direct {
+        plan.need(BOUNCES);
+    }
     let seconds = measured.seconds;
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
@@ -150,7 +153,7 @@ pub(crate) fn write(
         ]),
         rays: BTreeMap::from([
             ("camera", counters.camera_rays),
-            ("bounce", virtual_lights.rays),
+            ("bounce", virtual_lights.rays + counters.bounce_rays),
             ("shadow", counters.shadow_rays),
         ]),
         light_samples: counters.light_samples,
@@ -220,6 +223,7 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         height: _,
         spp: _,
         lights,
+        integrator,
         tree,
         method,
         seed,
@@ -232,6 +236,7 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         ("scene_content", format!("{:016x}", fingerprint(scene))),
         ("camera", format!("{:?}", scene.camera)),
         ("lights", format!("{:?}", lights)),
+        ("integrator", format!("{:?}", integrator)),
         ("tree", format!("{:?}", tree)),
         ("method", format!("{:?}", method)),
         ("spp", spp.to_string()),

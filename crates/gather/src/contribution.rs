@@ -8,6 +8,7 @@ use sampling::{Rng, uniform_triangle};
 use scene::Scene;
 use scene::trace::Ray;
 
+use crate::path::light_share;
 use crate::point::GatherPoint;
 use crate::vsl::Subtended;
 
@@ -146,8 +147,10 @@ fn triangle(
     let intensity = intensity * relative(sent, lights.intensity(id));
     let dist2 = offset.length_squared();
     let wi = offset / dist2.sqrt();
-    let geometry = x.ns.dot(wi) * -normal.dot(wi) / dist2;
-    let radiance = x.brdf.eval(x.ns, x.wo, wi) * intensity * geometry;
+    let cos = -normal.dot(wi);
+    let geometry = x.ns.dot(wi) * cos / dist2;
+    let share = share(x, wi, || dist2 / (drawn.area() * cos));
+    let radiance = x.brdf.eval(x.ns, x.wo, wi) * intensity * (geometry * share);
     (radiance != Vec3::ZERO).then(|| Unoccluded {
         radiance,
         shadow_ray: Ray::between(x.position, position),
@@ -164,13 +167,23 @@ fn environment(
     rng: &mut Rng,
 ) -> Option<Unoccluded> {
     let cell = lights.element(id) as usize;
-    let within = (rng.f64(), [rng.f32(), rng.f32()]);
-    let drawn = scene
-        .environment
-        .as_ref()?
-        .sample_cell(cell, within.0, within.1);
-    let intensity = intensity * relative(drawn.power, lights.intensity(id));
+    let (u, within) = (rng.f64(), [rng.f32(), rng.f32()]);
+    let environment = scene.environment.as_ref()?;
+    let drawn = environment.sample_cell(cell, u, within);
+    let share = share(x, drawn.direction, || {
+        environment.pdf_solid_angle(drawn.direction)
+    });
+    let intensity = intensity * relative(drawn.power, lights.intensity(id)) * share;
     parallel(x, drawn.direction, intensity)
+}
+
+/// What part of a light in direction `wi` of density `pdf_light` is not left to a ray that goes on from `x`.
+fn share(x: &GatherPoint, wi: Vec3, pdf_light: impl Fn() -> f32) -> f32 {
+    if x.shares_hits {
+        light_share(pdf_light(), x.brdf.pdf_solid_angle(x.ns, x.wo, wi))
+    } else {
+        1.0
+    }
 }
 
 /// What is sent over its mean, by channel: 1 where the mean is 0 and nothing is sent.

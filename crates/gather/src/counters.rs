@@ -25,6 +25,8 @@ pub(crate) const PHASES: usize = 5;
 pub struct Counters {
     /// Rays from the camera.
     pub camera_rays: u64,
+    /// Rays of eye paths behind the first hit.
+    pub bounce_rays: u64,
     /// Shadow rays.
     pub shadow_rays: u64,
     /// Lights evaluated.
@@ -62,6 +64,7 @@ impl Counters {
     /// Adds another part's sums.
     pub(crate) fn merge(&mut self, other: &Self) {
         self.camera_rays += other.camera_rays;
+        self.bounce_rays += other.bounce_rays;
         self.shadow_rays += other.shadow_rays;
         self.light_samples += other.light_samples;
         self.dead_samples += other.dead_samples;

@@ -265,6 +265,8 @@ mod tests {
             slot: 0,
             sample: 0,
             sequence: sampling::Sequence(0),
+            bounce: 0,
+            shares_hits: false,
             receiver: Receiver::new(position, ns),
         })
     }

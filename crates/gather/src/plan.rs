@@ -3,6 +3,9 @@
 use light_tree::{LightKind, LightSet};
 use scene::Scene;
 
+/// Name of the feature that eye paths go on behind their first hit; see [`Plan::need`].
+pub const BOUNCES: &str = "eye paths that bounce";
+
 /// Features of a render, each either needed or skipped; scanned once and printed in the report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
@@ -46,6 +49,7 @@ impl Plan {
                 ("environment", scene.environment.is_some()),
                 ("virtual lights", lights.virtual_count() > 0),
                 ("light tree", uses_tree),
+                (BOUNCES, false),
             ],
         }
     }

@@ -26,6 +26,11 @@ pub struct GatherPoint {
     pub sample: u32,
     /// The pixel's sequence.
     pub sequence: Sequence,
+    /// Surfaces between the point and the first hit of its path, that one counted: 0 for the first hit.
+    pub bounce: u32,
+    /// Whether lights that can be hit are met by a ray that goes on from here as well, so that sampling them is to find
+    /// only its share.
+    pub shares_hits: bool,
     /// The point as a light tree sees it.
     pub receiver: Receiver,
 }
@@ -44,6 +49,8 @@ impl GatherPoint {
             slot,
             sample: 0,
             sequence: Sequence(0),
+            bounce: 0,
+            shares_hits: false,
             receiver: Receiver::new(position, surface.ns),
         }
     }

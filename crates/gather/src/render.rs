@@ -16,6 +16,7 @@ use crate::Inputs;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
+use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
 use crate::tile_points::TilePoints;
@@ -33,6 +34,8 @@ pub struct RenderSpec {
     pub seed: u64,
     /// How virtual lights shine.
     pub shape: VirtualShape,
+    /// Which light paths are followed.
+    pub integrator: Integrator,
     /// Which part of the picture; all of it by default.
     pub shard: Shard,
 }
@@ -323,8 +326,8 @@ struct Scratch<S> {
 struct EyePath {
     /// Number of the pixel in the tile.
     pixel: usize,
-    /// Place in the pixel, each coordinate in [0, 1).
-    place: [f32; 2],
+    /// Place in the pixel, each coordinate in [0, 1); a random one where none is given.
+    place: Option<[f32; 2]>,
     sample: u32,
     sequence: Sequence,
     slot: u32,
@@ -362,24 +365,20 @@ impl<F> PassOf<'_, F> {
         scratch.points.clear();
         scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
+        let mut bounce_rays = 0;
         for i in 0..tile.pixels.len() {
             let pixel = self.pixel_index(tile, i);
             let sequence = Sequence(Rng::new(self.spec.seed, pixel, 0, Purpose::Sequence).u32());
             for sample in tile.done..self.until {
-                let place = if M::STRATIFIED {
-                    [0, 1].map(|dimension| sequence.f32(sample, dimension))
-                } else {
-                    let mut rng = Rng::new(self.spec.seed, pixel, u64::from(sample), Purpose::Eye);
-                    [rng.f32(), rng.f32()]
-                };
                 let start = EyePath {
                     pixel: i,
-                    place,
+                    place: M::STRATIFIED
+                        .then(|| [0, 1].map(|dimension| sequence.f32(sample, dimension))),
                     sample,
                     sequence,
                     slot: (i * samples) as u32 + sample - tile.done,
                 };
-                self.eye_path(tile, start, scratch);
+                bounce_rays += self.eye_path(tile, start, scratch);
             }
         }
         scratch.pilots.clear();
@@ -402,11 +401,14 @@ impl<F> PassOf<'_, F> {
         for &(slot, radiance) in &scratch.seen {
             queue.add_seen(slot, radiance);
         }
-        let stream = |slot: u32, purpose| {
+        // Every vertex of a path has streams of its own.
+        let vertex_stream = |slot: u32, bounce: u32, purpose| {
             let pixel = self.pixel_index(tile, slot as usize / samples);
             let sample = tile.done + slot % samples as u32;
-            Rng::new(self.spec.seed, pixel, u64::from(sample), purpose)
+            let number = u64::from(bounce) << 32 | u64::from(sample);
+            Rng::new(self.spec.seed, pixel, number, purpose)
         };
+        let stream = |slot: u32, purpose| vertex_stream(slot, 0, purpose);
         let handed = TilePoints {
             points: &scratch.points,
             width: tile.width,
@@ -422,8 +424,9 @@ impl<F> PassOf<'_, F> {
             if self.stop.load(Ordering::Relaxed) {
                 return; // nothing of this tile is kept
             }
-            let rng = &mut stream(xs[0].slot, Purpose::Lights);
-            queue.begin_points(xs.len(), stream(xs[0].slot, Purpose::LightSurface));
+            let of_vertex = |purpose| vertex_stream(xs[0].slot, xs[0].bounce, purpose);
+            let rng = &mut of_vertex(Purpose::Lights);
+            queue.begin_points(xs.len(), of_vertex(Purpose::LightSurface));
             match xs {
                 [x] => method.point(x, &mut queue, rng, &mut scratch.method),
                 xs => method.pixel(xs, &mut queue, rng, &mut scratch.method),
@@ -442,6 +445,7 @@ impl<F> PassOf<'_, F> {
         tile.done = self.until;
         tile.counters.merge(&counters);
         tile.counters.camera_rays += slots as u64;
+        tile.counters.bounce_rays += bounce_rays;
         tile.counters.nanoseconds[Phase::Eye as usize] += eye.as_nanos() as u64;
     }
 
@@ -471,16 +475,18 @@ impl<F> PassOf<'_, F> {
         Some(GatherPoint::new(&surface, -direction, Vec3::ONE, 0))
     }
 
-    /// Follows the eye path of a pixel sample, to its first hit, and leaves its gather points.
-    fn eye_path<S>(&self, tile: &Tile, start: EyePath, scratch: &mut Scratch<S>) {
+    /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the
+    /// number of rays behind the first.
+    fn eye_path<S>(&self, tile: &Tile, start: EyePath, scratch: &mut Scratch<S>) -> u64 {
         let i = start.pixel;
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
         );
-        let direction = self
-            .camera
-            .direction(x as f32 + start.place[0], y as f32 + start.place[1]);
+        let pixel = self.pixel_index(tile, i);
+        let mut rng = Rng::new(self.spec.seed, pixel, u64::from(start.sample), Purpose::Eye);
+        let [dx, dy] = start.place.unwrap_or_else(|| [rng.f32(), rng.f32()]);
+        let direction = self.camera.direction(x as f32 + dx, y as f32 + dy);
         let ray = Ray {
             origin: self.camera.origin(),
             direction,
@@ -488,19 +494,13 @@ impl<F> PassOf<'_, F> {
         };
         let hit = self.tracer.closest(&ray);
         if self.scene.has_visible_lights() {
-            let radiance = match &hit {
-                Some(hit) => self.scene.emitted(hit.triangle as usize, hit.u, hit.v),
-                None => {
-                    let environment = self.scene.environment.as_ref();
-                    environment.map_or(Vec3::ZERO, |e| e.radiance(direction))
-                }
-            };
+            let radiance = seen(self.scene, direction, hit.as_ref());
             if radiance != Vec3::ZERO {
                 scratch.seen.push((start.slot, radiance));
             }
         }
         let Some(hit) = hit else {
-            return;
+            return 0;
         };
         let surface = self.scene.surface(&hit, direction);
         let features = &mut scratch.features[i];
@@ -508,13 +508,29 @@ impl<F> PassOf<'_, F> {
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        scratch.points.push(GatherPoint {
+        let first = GatherPoint {
             sample: start.sample,
             sequence: start.sequence,
             ..GatherPoint::new(&surface, -direction, Vec3::ONE, start.slot)
-        });
+        };
+        match self.spec.integrator {
+            Integrator::Direct => {
+                scratch.points.push(first);
+                0
+            }
+            Integrator::Path { max_bounces } => {
+                let walk = Walk {
+                    scene: self.scene,
+                    tracer: self.tracer,
+                    max_bounces,
+                };
+                walk.follow(first, &mut rng, &mut scratch.points, &mut scratch.seen)
+            }
+        }
     }
 }
 
+#[cfg(test)]
+mod analytic;
 #[cfg(test)]
 mod tests;

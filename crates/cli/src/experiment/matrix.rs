@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use experiment::Coordinates;
+use gather::Integrator;
 
 use super::budget::Budget;
 use super::spec::{Labelled, Spec};
@@ -98,6 +99,7 @@ fn cells(
                             width: spec.image.width.0,
                             height: spec.image.height.0,
                             spp: budget.most_spp(),
+                            integrator: Integrator::Direct,
                             lights: lights_spec,
                             tree: TreeSpec { builder },
                             method: entry.method.clone(),

@@ -376,7 +376,7 @@ impl Run<'_> {
         first.refuse_too_large()?;
         // How many lights there will be decides nothing but the reference's method, so about will do.
         let about = match first.lights {
-            LightsSpec::AsGiven => loaded.scene.emitters.len(),
+            LightsSpec::AsGiven => vpl::source_lights(&loaded.scene).len(),
             LightsSpec::Virtual(v) => v.count.0,
         };
         let choice = reference::choose(&self.spec.reference, &self.spec.methods.0, about);

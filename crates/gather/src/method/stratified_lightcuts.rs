@@ -94,19 +94,18 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
     ) {
         let Some(tree) = self.tree else { return };
         let StratifiedScratch { shared, own, draws } = scratch;
-        let cut = if shared.is_empty() {
-            own.refine(
-                tree,
-                &[x.receiver],
-                OWN_CLUSTERS.min(self.spec.clusters.get()),
-            );
-            own
-        } else {
+        // Behind the first hit points lie anywhere, and which path got there is random.
+        let is_seen = x.bounce == 0;
+        let cut = if is_seen && !shared.is_empty() {
             shared
+        } else {
+            let size = OWN_CLUSTERS.min(self.spec.clusters.get());
+            own.refine(tree, &[x.receiver], size);
+            own
         };
         cut.weigh(tree, &x.receiver, draws);
         eval.mark(Phase::Cut);
-        let u = if self.spec.stratify {
+        let u = if self.spec.stratify && is_seen {
             // The sequence ends at 2⁻²⁴: what chooses deep in the tree is random.
             f64::from(x.sequence.f32(x.sample, LIGHTS)) + rng.f64() / 16_777_216.0
         } else {

@@ -13,7 +13,7 @@ use super::{Features, Render, Tile};
 use crate::counters::{Counters, PHASES};
 
 /// Counters of [`Counters`].
-const COUNTERS: usize = 6 + PHASES;
+const COUNTERS: usize = 7 + PHASES;
 /// Beyond this a counter is no count: sums of a few must stay below 2⁶⁴.
 const GREATEST_COUNT: u64 = 1 << 56;
 
@@ -122,6 +122,7 @@ fn counts(c: &Counters) -> [u64; COUNTERS] {
     let [a, b, d, e, f] = c.nanoseconds;
     [
         c.camera_rays,
+        c.bounce_rays,
         c.shadow_rays,
         c.light_samples,
         c.dead_samples,
@@ -138,6 +139,7 @@ fn counts(c: &Counters) -> [u64; COUNTERS] {
 fn counters(counts: &[u64; COUNTERS]) -> Counters {
     let &[
         camera_rays,
+        bounce_rays,
         shadow_rays,
         light_samples,
         dead_samples,
@@ -147,6 +149,7 @@ fn counters(counts: &[u64; COUNTERS]) -> Counters {
     ] = counts;
     Counters {
         camera_rays,
+        bounce_rays,
         shadow_rays,
         light_samples,
         dead_samples,

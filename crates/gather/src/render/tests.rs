@@ -57,6 +57,7 @@ pub(super) fn spec() -> RenderSpec {
         spp: 5,
         seed: 3,
         shape: VirtualShape::Sphere,
+        integrator: Integrator::Direct,
         shard: Shard::ALL,
     }
 }
