@@ -121,3 +121,95 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use light_tree::TreeBuilder;
+    use sampling::{Purpose, Sequence};
+    use scene::trace::Tracer;
+    use verify::z_test;
+
+    use super::*;
+    use crate::VirtualShape;
+    use crate::method::conformance::{gather_points, light_sets, room};
+    use crate::method::{MethodSpec, conformance};
+    use crate::shadow_queue::{QueueScratch, ShadowQueue};
+
+    #[test]
+    fn a_cut_made_for_other_points_gives_the_light_of_all_lights() {
+        let scene = room(true);
+        let tracer = Tracer::build(&scene);
+        let points = gather_points(&scene);
+        let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
+        let mut checked = 0;
+        for (name, lights) in light_sets(&scene, &tracer) {
+            let inputs = Inputs::new(lights, TreeBuilder::Binned);
+            let spec = StratifiedLightcutsSpec {
+                samples: SampleCount::of(4),
+                clusters: CutSize(12),
+                ..Default::default()
+            };
+            let method = StratifiedLightcuts::prepare(&spec, &inputs);
+            let mut scratch = StratifiedScratch::default();
+            method.begin_tile(
+                &TilePoints {
+                    points: &[],
+                    width: 1,
+                    samples: 1,
+                    pilots: &points[..2],
+                    stream: &stream,
+                },
+                &mut scratch,
+            );
+            for x in &points[2..] {
+                let count = 3000;
+                let mut memory = QueueScratch::default();
+                let mut queue = ShadowQueue::new(
+                    &scene,
+                    &inputs.lights,
+                    &tracer,
+                    VirtualShape::Sphere,
+                    count as usize,
+                    &mut memory,
+                );
+                for slot in 0..count {
+                    queue.begin_point(stream(slot, Purpose::LightSurface));
+                    let x = GatherPoint {
+                        slot,
+                        sequence: Sequence(slot),
+                        ..*x
+                    };
+                    let rng = &mut stream(slot, Purpose::Lights);
+                    method.point(&x, &mut queue, rng, &mut scratch);
+                    queue.end_point();
+                }
+                let (_, values) = queue.finish();
+                let estimate = conformance::running(values, 1);
+                let exact = conformance::Estimates {
+                    scene: &scene,
+                    inputs: &inputs,
+                    tracer: &tracer,
+                    x: *x,
+                    count: 400,
+                    seed: 31,
+                };
+                let (_, exact, _) = MethodSpec::AllLights(Default::default()).visit(&inputs, exact);
+                let exact = conformance::running(&exact, 1);
+                let rounding = 1e-7 * exact.mean();
+                let variance =
+                    estimate.variance_of_mean() + exact.variance_of_mean() + rounding * rounding;
+                let z = z_test(estimate.mean(), variance, exact.mean());
+                // 4.5 sigma over about 50 cases, a fifth more for heavy tails: false alarm below 4e-4.
+                assert!(
+                    z.abs() < 5.4,
+                    "{name} at {}: {} instead of {}, z = {z}",
+                    x.position,
+                    estimate.mean(),
+                    exact.mean()
+                );
+                checked += 1;
+            }
+        }
+        assert!(checked >= 30, "{checked} cases");
+    }
+}
