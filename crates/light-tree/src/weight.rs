@@ -288,6 +288,11 @@ mod tests {
             for lights in [
                 [(Vec3::ONE, 1.0), (Vec3::ONE * 2.0, 1.0)],
                 [(Vec3::ONE, 1.0), (Vec3::ONE, 1e30)],
+                // 10³⁵ times the ratio of the squared distances is beyond f32.
+                [
+                    (Vec3::new(-500.0, 100.0, 100.0), 1.0),
+                    (Vec3::new(1.0, 3.0, 1.0), 1e35),
+                ],
             ] {
                 let mut set = LightSet::default();
                 for (p, i) in lights {

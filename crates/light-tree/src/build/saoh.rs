@@ -51,15 +51,15 @@ impl Bucket {
         };
     }
 
-    /// E A M; the cone alone where the lights lie on a point, the longest extent where they lie on a line:
-    /// a product with an area of 0 would leave such clusters in the order they came in.
+    /// E A M, 0 for lights in one place. The area of lights on a line is that of a thin box: a product with an area of 0
+    /// would leave them in the order they came in.
     fn cost(&self, orientation: bool) -> f64 {
         let Some(cone) = self.cone else {
             return f64::INFINITY;
         };
         let e = self.hi - self.lo;
         let area = 2.0 * (e.x * e.y + e.y * e.z + e.z * e.x);
-        let size = if area > 0.0 { area } else { e.max_element() };
+        let size = area.max(LEAST_AREA * e.length_squared());
         let measure = if orientation {
             orientation_measure(cone)
         } else {
@@ -68,6 +68,9 @@ impl Bucket {
         self.energy * f64::from(size * measure)
     }
 }
+
+/// Least area of a box for the square of its diagonal: that of one a thousand times as long as thick.
+const LEAST_AREA: f32 = 4e-3;
 
 /// M_Ω for emission spread of a right angle beyond the cone, as of Lambertian emitters.
 fn orientation_measure(cone: Cone) -> f32 {

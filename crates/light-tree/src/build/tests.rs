@@ -75,6 +75,35 @@ fn the_tree_is_the_same_for_one_thread_and_four() {
     }
 }
 
+#[test]
+fn the_shape_of_a_tree_does_not_depend_on_the_unit_of_length() {
+    let shape = |builder, scale: f32| {
+        let mut set = LightSet::default();
+        let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
+        // Some on a line, whose boxes have no area, and some anywhere about it.
+        for i in 0..200u8 {
+            let anywhere = Vec3::new(rng.f32(), rng.f32(), rng.f32());
+            let on_line = Vec3::new(f32::from(i) * 0.005, 0.5, 0.5);
+            let place = if i % 2 == 0 { on_line } else { anywhere };
+            set.push_point(
+                place * scale,
+                Vec3::splat((0.1 + rng.f32()) * scale * scale),
+            );
+        }
+        let tree = LightTree::build(&set, builder).expect("has lights");
+        tree.lights_below(tree.root()).collect::<Vec<_>>()
+    };
+    for builder in TreeBuilder::ALL {
+        let one = shape(builder, 1.0);
+        for k in [-20, -7, 8, 20] {
+            assert!(
+                shape(builder, 2.0f32.powi(k)) == one,
+                "{builder:?} at 2^{k}"
+            );
+        }
+    }
+}
+
 /// Sum over all inner nodes of intensity times squared diagonal: what a good tree keeps small.
 fn looseness(set: &LightSet, builder: TreeBuilder) -> f64 {
     let tree = LightTree::build(set, builder).expect("has lights");

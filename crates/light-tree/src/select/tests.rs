@@ -168,37 +168,6 @@ fn extreme_numbers_never_reach_a_child_of_weight_zero() {
     assert!(choose([0.0, 0.0], 0.5).is_none(), "dead");
 }
 
-#[test]
-fn a_random_number_lasts_down_a_deep_tree() {
-    // Each level halves the probability: 40 levels use 40 bits. An f32 has 24.
-    let mut lights = LightSet::default();
-    for i in 0..41 {
-        lights.push_point(
-            Vec3::new(1.5f32.powi(i), 1.0, 0.0),
-            Vec3::splat(2.0f32.powi(-i)),
-        );
-    }
-    let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
-    let x = Receiver::new(Vec3::ZERO, Vec3::Y);
-    let (pmfs, dead) = tree.pmf_below(NodeWeights::Yuksel2019, &x, tree.root());
-    assert_eq!(dead, 0.0, "all lights are above");
-    // Walk each light's interval of u: its middle must lead to it.
-    let mut found = 0;
-    for (id, pmf) in &pmfs {
-        let reached = (0..4000).any(|k| {
-            let u = f64::from(k) / 4000.0;
-            tree.select_retry(NodeWeights::Yuksel2019, &x, tree.root(), u)
-                .is_some_and(|s| s.light == *id)
-        });
-        found += u32::from(reached || *pmf < 1e-3);
-    }
-    assert_eq!(
-        found as usize,
-        lights.len(),
-        "every likely light is found by some number"
-    );
-}
-
 /// A tree that is a list: each pair holds one light and all that are left.
 fn chain(lights: &LightSet) -> LightTree {
     let built = LightTree::build(lights, TreeBuilder::Binned).expect("has lights");
@@ -273,15 +242,44 @@ fn a_chain_of_a_hundred_levels_draws_each_light_with_its_probability() {
 }
 
 #[test]
+fn a_random_number_lasts_down_a_deep_tree() {
+    // Each level halves the probability: 40 levels use 40 bits. An f32 has 24.
+    let mut lights = LightSet::default();
+    for i in 0..41i8 {
+        let place = Vec3::new(0.01 * f32::from(i), 5.0, 0.0);
+        lights.push_point(place, Vec3::splat(2.0f32.powi(-i32::from(i))));
+    }
+    let tree = chain(&lights);
+    let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+    for weights in NodeWeights::ALL {
+        let (pmfs, _) = tree.pmf_below(weights, &x, tree.root());
+        // Each light's interval of numbers, in the tree's order: its middle must lead to it.
+        let mut before = 0.0;
+        for id in tree.lights_below(tree.root()) {
+            let pmf = pmfs.iter().find(|p| p.0 == id).map_or(0.0, |p| p.1);
+            let drawn = tree.select(weights, &x, tree.root(), before + 0.5 * pmf);
+            assert_eq!(
+                drawn.map(|s| s.light),
+                Some(id),
+                "{weights:?}: {pmf} from {before} on"
+            );
+            before += pmf;
+        }
+        assert!((before - 1.0).abs() < 1e-9, "{weights:?}: {before}");
+    }
+}
+
+#[test]
 fn powers_beyond_all_measure_leave_every_lit_light_a_probability() {
     let x = Receiver::new(Vec3::ZERO, Vec3::Y);
     let places = [
         Vec3::new(0.0, 2.0, 0.0),
         Vec3::new(0.3, -2.0, 0.0),
         Vec3::new(0.1, 2.2, 0.4),
-        Vec3::new(-3.0, 1.0, 1.0),
+        Vec3::new(-500.0, 100.0, 100.0),
     ];
-    let powers = [1e-30, 1.0, 1e30];
+    // f32 weights tell some 10⁴⁰ apart, and the far one is 10⁵ times as faint.
+    let powers = [1.0, 1e5, 1e35];
     for case in 0..81usize {
         let mut lights = LightSet::default();
         for (i, place) in places.into_iter().enumerate() {
@@ -302,7 +300,7 @@ fn powers_beyond_all_measure_leave_every_lit_light_a_probability() {
                 let pmf = pmfs.iter().find(|p| p.0 == id).map_or(0.0, |p| p.1);
                 assert!(pmf > 0.0, "{weights:?}, case {case}: {id:?} is never drawn");
             }
-            // Half a cluster of 1e30 may be dark, but what is lit is not drawn less for it.
+            // Half a cluster of 1e35 may be dark, but what is lit is not drawn less for it.
             let unlit = pmfs.iter().find(|p| p.0.0 == 1).map_or(0.0, |p| p.1);
             assert_eq!(
                 unlit, 0.0,
