@@ -64,7 +64,12 @@ fn rows(folder: &Folder, name: &str) -> Vec<BTreeMap<String, String>> {
 
 /// The finished cells and when their files were written.
 fn cells(folder: &Folder, out: &str) -> BTreeMap<PathBuf, std::time::SystemTime> {
-    let below = folder.path(out).join("cells");
+    records(folder, &format!("{out}/cells"))
+}
+
+/// The JSON files in a folder and when they were written.
+fn records(folder: &Folder, below: &str) -> BTreeMap<PathBuf, std::time::SystemTime> {
+    let below = folder.path(below);
     let files = folder.files().into_iter();
     let own = files.filter(|f| f.starts_with(&below) && f.extension().is_some_and(|e| e == "json"));
     own.map(|f| {
@@ -169,10 +174,14 @@ fn a_second_run_renders_nothing_and_a_changed_one_only_what_changed() {
         "the same table"
     );
 
+    let references = records(&folder, "out/rooms/references");
+    assert_eq!(references.len(), 2, "one for each light set");
     change(&folder, "seeds: [1, 2]", "seeds: [1, 2, 3]");
     folder.run("experiment rooms.ron --quiet").fine();
     let more = cells(&folder, "out/rooms");
     assert_eq!(more.len(), 24, "a seed more");
+    let kept = records(&folder, "out/rooms/references");
+    assert_eq!(kept, references, "the references serve again");
     assert!(
         first.iter().all(|old| more.get(old.0) == Some(old.1)),
         "the old ones stay"
@@ -184,6 +193,8 @@ fn a_second_run_renders_nothing_and_a_changed_one_only_what_changed() {
     folder.write("rooms.ron", EXPERIMENT);
     folder.run("experiment rooms.ron --quiet").fine();
     assert_eq!(cells(&folder, "out/rooms").len(), 24 + 16, "all anew");
+    let kept = records(&folder, "out/rooms/references");
+    assert_eq!(kept.len(), 2 + 2, "references of the new scene");
     assert_eq!(rows(&folder, "out/rooms/results.csv").len(), 16, "rows");
 }
 
@@ -349,6 +360,39 @@ fn an_animation_has_frames_a_flicker_and_a_preview() {
         json["references"].as_array().map(Vec::len),
         Some(2 * 4),
         "references"
+    );
+}
+
+#[test]
+fn paths_are_brighter_than_direct_light_and_agree_with_their_reference() {
+    let folder = with_experiment();
+    let virtual_lights = "(name: \"virtual\", lights: Virtual(count: 300, max_bounces: 3)),";
+    let paths = EXPERIMENT
+        .replace(virtual_lights, "")
+        .replace("seeds:", "integrator: Path(max_bounces: 2), seeds:");
+    folder.write("paths.ron", &paths);
+    folder.write(
+        "direct.ron",
+        paths.replace("integrator: Path(max_bounces: 2), ", ""),
+    );
+    for name in ["paths", "direct"] {
+        folder.run(&format!("experiment {name}.ron --quiet")).fine();
+        for row in rows(&folder, &format!("out/{name}/results.csv")) {
+            let number = |key: &str| row[key].parse::<f64>().unwrap_or(f64::NAN);
+            assert!(number("bias").abs() < 5.0 * number("bias_95"), "{row:?}");
+        }
+    }
+    let mean = |name: &str| {
+        let files = folder.files().into_iter();
+        let own = |f: &PathBuf| f.starts_with(folder.path(&format!("out/{name}/references")));
+        let exr = |f: &PathBuf| f.extension().is_some_and(|e| e == "exr");
+        let path = files.filter(own).find(exr).expect("a reference");
+        let image = film::read_image(&path).unwrap_or_else(|e| panic!("{e}"));
+        image.pixels.iter().map(|p| p.element_sum()).sum::<f32>()
+    };
+    assert!(
+        mean("paths") > 1.1 * mean("direct"),
+        "reflected light is missing"
     );
 }
 

@@ -151,7 +151,7 @@ impl From<Builder> for TreeBuilder {
 
 /// [`Integrator`] in a run file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-enum IntegratorSpec {
+pub(crate) enum IntegratorSpec {
     /// To the first hit, and from there to the lights in use.
     #[default]
     Direct,
@@ -161,7 +161,7 @@ enum IntegratorSpec {
 
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct PathSpec {
+pub(crate) struct PathSpec {
     max_bounces: PathBounces,
 }
 
@@ -169,6 +169,19 @@ impl Default for PathSpec {
     fn default() -> Self {
         Self {
             max_bounces: PathBounces(5),
+        }
+    }
+}
+
+impl IntegratorSpec {
+    /// Why paths cannot be followed under these lights, if they cannot.
+    pub(crate) fn conflict(self, lights: &LightsSpec) -> Option<&'static str> {
+        match (self, lights) {
+            (Self::Path(_), LightsSpec::Virtual(_)) => Some(
+                "found Path with lights: Virtual, which hold all that is reflected already; expected \
+                 integrator: Direct, or lights: AsGiven",
+            ),
+            _ => None,
         }
     }
 }
@@ -292,9 +305,7 @@ impl Job {
         overrides.extend(arguments.overrides.iter().cloned());
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
         let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
-        if let (IntegratorSpec::Path(_), LightsSpec::Virtual(_)) = (spec.integrator, spec.lights) {
-            let message = "found Path with lights: Virtual, which hold all that is reflected already; expected \
-                 integrator: Direct, or lights: AsGiven";
+        if let Some(message) = spec.integrator.conflict(&spec.lights) {
             return Err(field_error(arguments, "integrator", message));
         }
         let image = spec.image;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use film::{Flicker, Image, Picture};
+use film::{FLICKER_BLOCK, Flicker, Image, Picture};
 use serde::Serialize;
 
 use crate::ExperimentError;
@@ -25,9 +25,15 @@ pub struct Flickering {
     pub pixel: f64,
     /// [`Flicker::block`].
     pub block: f64,
+    /// How alike neighbours flicker: `block` over what it would be if pixels flickered independently of one
+    /// another, `pixel`/64. 1 is noise, 64 a picture that blinks as a whole; `None` without any flicker.
+    pub pattern: Option<f64>,
     /// Name of the animated PNG in `animations/`.
     pub preview: String,
 }
+
+/// Pixels of a block.
+const BLOCK_PIXELS: f64 = (FLICKER_BLOCK * FLICKER_BLOCK) as f64;
 
 /// Milliseconds that the preview shows a frame.
 const FRAME_MILLISECONDS: u16 = 125;
@@ -72,6 +78,7 @@ pub fn write_animations(
             budget: c.budget.clone(),
             pixel,
             block,
+            pattern: (pixel > 0.0).then(|| block / (pixel / BLOCK_PIXELS)),
             preview,
         });
     }
@@ -162,6 +169,8 @@ mod tests {
         // One step of 0.5 and one of none, over 1 + 0.01.
         let expected = 0.5 * 0.25 / 1.01;
         assert!((found[0].block - expected).abs() < 1e-9, "{found:?}");
+        let pattern = found[0].pattern.expect("it flickers");
+        assert!((pattern - 64.0).abs() < 1e-6, "all of it blinks: {pattern}");
         let file = std::fs::File::open(folder.path().join("animations/frame-0.png"));
         let file = std::io::BufReader::new(file.expect("there"));
         let reader = png::Decoder::new(file).read_info().expect("PNG");

@@ -22,7 +22,12 @@ use crate::{ExperimentError, Outcome};
 
 const TEMPLATE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
-const SCRIPT: &str = include_str!("page/page.js");
+/// One script: they share their names.
+const SCRIPTS: [&str; 3] = [
+    include_str!("page/pictures.js"),
+    include_str!("page/comparer.js"),
+    include_str!("page/tables.js"),
+];
 
 /// All that the page shows.
 #[derive(Serialize)]
@@ -116,16 +121,11 @@ impl<'a> Row<'a> {
 }
 
 /// Writes `index.html` and the pictures it shows, those of cells whose EXR was kept, into the store's folder.
-/// `plots` and `animations` are there already.
+/// Plots and previews of animations are there already.
 ///
 /// # Errors
 /// Names the file that could not be read or written.
-pub fn write_page(
-    store: &Store,
-    results: &Results,
-    plots: &[Plot],
-    animations: &[Flickering],
-) -> Result<(), ExperimentError> {
+pub fn write_page(store: &Store, results: &Results, plots: &[Plot]) -> Result<(), ExperimentError> {
     let series = results.series();
     let with_tree = results.has_trees();
     let mut failures: Vec<String> = Vec::new();
@@ -150,21 +150,34 @@ pub fn write_page(
         places: places(store, results, with_tree)?,
         series: series.iter().map(|s| Row::of(s, with_tree)).collect(),
         plots,
-        animations,
+        animations: &results.animations,
         failures,
     };
     // `<` would let text end the script.
     let data = serde_json::to_string(&data)
         .map_err(|error| ExperimentError::Page(error.to_string()))?
         .replace('<', "\\u003c");
-    let page = TEMPLATE
-        .replace("{{title}}", &escaped(&results.title))
-        .replace("{{style}}", STYLE.trim_end())
-        .replace("{{script}}", SCRIPT.trim_end())
-        // Last, for its text may hold anything.
-        .replace("{{data}}", &data);
+    let page = filled(|name| match name {
+        "title" => escaped(&results.title),
+        "style" => STYLE.to_owned(),
+        "scripts" => SCRIPTS.join("\n"),
+        "data" => data.clone(),
+        _ => unreachable!("the template has no other gap: {name}"),
+    });
     let path = store.folder().join("index.html");
     write_with(&path, |file| file.write_all(page.as_bytes()))
+}
+
+/// The template with its gaps `{{name}}` filled, in one go: what fills them may hold anything.
+fn filled(value: impl Fn(&str) -> String) -> String {
+    let mut parts = TEMPLATE.split("{{");
+    let mut page = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (name, rest) = part.split_once("}}").unwrap_or((part, ""));
+        page.push_str(&value(name));
+        page.push_str(rest);
+    }
+    page
 }
 
 /// Text as HTML.
@@ -336,7 +349,7 @@ mod tests {
             let path = store.cell(key, "exr");
             image(1.1).write_exr(&path, &[]).expect("writes");
         }
-        write_page(&store, &results, &[], &[]).expect("writes");
+        write_page(&store, &results, &[]).expect("writes");
         let text = std::fs::read_to_string(folder.path().join("index.html"));
         (folder, text.expect("reads"))
     }
@@ -366,8 +379,9 @@ mod tests {
 
     #[test]
     fn text_cannot_end_the_script() {
-        let (_folder, page) = page(|r| r.title = "</script><b>{{script}}".into());
+        let (_folder, page) = page(|r| r.title = "</script><b>{{scripts}}".into());
         assert_eq!(page.matches("</script>").count(), 1, "the script's own end");
+        assert_eq!(page.matches("\nbegin();").count(), 1, "the script once");
         assert!(page.contains("<title>&lt;/script>"), "the title");
     }
 

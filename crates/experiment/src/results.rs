@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::animation::Flickering;
 use crate::cell::{Cell, Coordinates, Error, Figures, Outcome};
 use crate::reference::Reference;
 use crate::statistics::Spread;
@@ -47,6 +48,8 @@ pub struct Results {
     pub references: Vec<Reference>,
     /// The cells.
     pub cells: Vec<Cell>,
+    /// How methods flicker, where scenes are animated.
+    pub animations: Vec<Flickering>,
 }
 
 /// Cells that differ in seed and frame only.

@@ -26,7 +26,34 @@ pub fn summary(results: &Results) -> String {
         // Writing into a string cannot fail.
         let _ = write!(text, "\n## {scene}, {lights}\n\n{}", table(results, &own));
     }
-    text
+    text + &flicker(results)
+}
+
+/// A table of how methods flicker; nothing without animations.
+fn flicker(results: &Results) -> String {
+    if results.animations.is_empty() {
+        return String::new();
+    }
+    let head = [
+        "scene",
+        "method",
+        "budget",
+        "per pixel",
+        "blocks of 8 × 8",
+        "pattern",
+    ];
+    let mut rows = vec![head.map(str::to_owned)];
+    for a in &results.animations {
+        rows.push([
+            format!("{}, {}", a.scene, a.lights),
+            a.label.clone(),
+            a.budget.clone(),
+            digits(a.pixel),
+            digits(a.block),
+            a.pattern.map_or("–".into(), digits),
+        ]);
+    }
+    format!("\n## Flicker\n\n{}", markdown(&rows, 3))
 }
 
 /// Writes [`summary`] to a file.
@@ -46,7 +73,7 @@ fn table(results: &Results, series: &[&Series<'_>]) -> String {
         "CPU s",
         "Mrays",
         "relmse",
-        "FLIP",
+        "HDR-FLIP",
         "bias",
         "relmse × CPU s",
     ];
@@ -67,24 +94,7 @@ fn table(results: &Results, series: &[&Series<'_>]) -> String {
             shown(s.spread(|f| Some(f.error.relmse? * f.cpu_seconds?))),
         ]);
     }
-    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..head.len()).map(width).collect();
-    let mut text = String::new();
-    for (i, row) in rows.iter().enumerate() {
-        let cells = row.iter().zip(&widths).enumerate();
-        let cells = cells.map(|(c, (cell, width))| match c {
-            0 | 1 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        let _ = writeln!(text, "| {} |", cells.collect::<Vec<_>>().join(" | "));
-        if i == 0 {
-            let rules = widths.iter().enumerate().map(|(c, &width)| match c {
-                0 | 1 => "-".repeat(width),
-                _ => format!("{}:", "-".repeat(width.saturating_sub(1))),
-            });
-            let _ = writeln!(text, "| {} |", rules.collect::<Vec<_>>().join(" | "));
-        }
-    }
+    let mut text = markdown(&rows, 2);
     for s in series {
         let mut told: Vec<&str> = Vec::new();
         for failure in &s.failures {
@@ -92,6 +102,30 @@ fn table(results: &Results, series: &[&Series<'_>]) -> String {
                 told.push(failure);
                 let _ = writeln!(text, "\n{}, {}: failed: {failure}", s.method, s.budget);
             }
+        }
+    }
+    text
+}
+
+/// A table whose first row is its head; the first `words` columns hold words, the others numbers.
+fn markdown<const N: usize>(rows: &[[String; N]], words: usize) -> String {
+    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..N).map(width).collect();
+    let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let mut text = String::new();
+    for (i, row) in rows.iter().enumerate() {
+        let cells = row.iter().zip(&widths).enumerate();
+        let padded = |(c, (cell, &width)): (usize, (&String, &usize))| match c < words {
+            true => format!("{cell:<width$}"),
+            false => format!("{cell:>width$}"),
+        };
+        text.push_str(&line(cells.map(padded).collect()));
+        if i == 0 {
+            let rule = |(c, &width): (usize, &usize)| match c < words {
+                true => "-".repeat(width),
+                false => format!("{}:", "-".repeat(width.saturating_sub(1))),
+            };
+            text.push_str(&line(widths.iter().enumerate().map(rule).collect()));
         }
     }
     text

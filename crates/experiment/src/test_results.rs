@@ -45,6 +45,7 @@ pub(crate) fn results() -> Results {
                 ..cell("hall", "one", 1, 1.0)
             },
         ],
+        animations: Vec::new(),
     }
 }
 

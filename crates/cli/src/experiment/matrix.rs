@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use experiment::Coordinates;
-use gather::Integrator;
 
 use super::budget::Budget;
 use super::spec::{Labelled, Spec};
@@ -99,7 +98,7 @@ fn cells(
                             width: spec.image.width.0,
                             height: spec.image.height.0,
                             spp: budget.most_spp(),
-                            integrator: Integrator::Direct,
+                            integrator: spec.integrator.into(),
                             lights: lights_spec,
                             tree: TreeSpec { builder },
                             method: entry.method.clone(),

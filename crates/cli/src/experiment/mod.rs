@@ -50,6 +50,10 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
         .collect();
     let spec: Spec = ron_file::read(file, &[], &bare)?;
     refuse_reference(file, &spec)?;
+    let lights = spec.lights.0.iter().map(|entry| &entry.lights);
+    if let Some(message) = lights.filter_map(|l| spec.integrator.conflict(l)).next() {
+        return Err(error_at(file, "integrator", message));
+    }
     let spec = match arguments.quick {
         true => spec.quick(),
         false => spec,
@@ -99,6 +103,7 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
                 scenes: spec.scenes.0.iter().map(view).collect(),
                 references: Vec::new(),
                 cells: Vec::new(),
+                animations: Vec::new(),
             },
         };
         let paths: Vec<PathBuf> = scenes
@@ -106,7 +111,7 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
             .map(|scene| scene.clone().unwrap_or_default())
             .collect();
         let ended = run.all(matrix::plan(&spec, file, &paths), &scenes);
-        write(&run.results, &store)?;
+        write(&mut run.results, &store)?;
         ended?;
         finish(&run.results, &store, &progress)
     })
@@ -120,15 +125,15 @@ fn view(entry: &spec::SceneEntry) -> SceneView {
     }
 }
 
-/// Writes all that shows the results.
-fn write(results: &Results, store: &Store) -> Result<(), CliError> {
+/// Writes all that shows the results, and fills in how methods flicker.
+fn write(results: &mut Results, store: &Store) -> Result<(), CliError> {
     let folder = store.folder();
+    results.animations = experiment::write_animations(store, results)?;
     experiment::write_csv(&folder.join("results.csv"), results)?;
     experiment::write_json(&folder.join("results.json"), results)?;
     experiment::write_summary(&folder.join("summary.md"), results)?;
     let plots = experiment::write_plots(folder, results)?;
-    let animations = experiment::write_animations(store, results)?;
-    experiment::write_page(store, results, &plots, &animations)?;
+    experiment::write_page(store, results, &plots)?;
     Ok(())
 }
 

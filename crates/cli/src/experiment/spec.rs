@@ -5,7 +5,7 @@ use glam::Vec3;
 use serde::Deserialize;
 
 use super::budget::Budget;
-use crate::job::{Builder, Extent, LightCount, LightsSpec, Samples};
+use crate::job::{Builder, Extent, IntegratorSpec, LightCount, LightsSpec, Samples};
 
 /// A file of `configs/experiments/`.
 #[derive(Debug, Clone, Deserialize)]
@@ -18,6 +18,9 @@ pub(crate) struct Spec {
     pub(crate) scenes: List<SceneEntry>,
     #[serde(default = "as_given")]
     pub(crate) lights: List<LightsEntry>,
+    /// The same for all.
+    #[serde(default)]
+    pub(crate) integrator: IntegratorSpec,
     #[serde(default = "default_builders")]
     pub(crate) trees: List<Builder>,
     pub(crate) methods: List<MethodEntry>,

@@ -2,12 +2,15 @@
 
 use super::curves::{Curve, Curves};
 use super::shares::Shares;
-use crate::cell::{Figures, Phases};
+use crate::cell::{Figures, Pass, Phases};
 use crate::results::{Results, Series};
 use crate::statistics::{Spread, slope};
 
 /// File name, caption and drawing.
 type Named<D> = (String, String, D);
+
+/// What a pass has cost; NaN where nobody knows.
+type Cost = fn(&Pass) -> f64;
 
 /// All plots with curves, in the order in which the page shows them.
 pub(super) fn curves(results: &Results) -> Vec<Named<Curves>> {
@@ -25,16 +28,19 @@ pub(super) fn curves(results: &Results) -> Vec<Named<Curves>> {
             .map(|r| r.standard_error.powi(2));
         // The reference's own noise is in every error that is measured against it.
         let floor = Spread::of(error).map(|s| (s.median, "noise of the reference"));
-        for (kind, x, cost) in [
-            (
-                "time",
-                "render time [s]",
-                (|p| p.seconds) as fn(&crate::Pass) -> f64,
-            ),
+        let costs: [(&str, &str, Cost); 3] = [
+            ("time", "render time [s]", |p| p.seconds),
+            ("cpu", "processor time, all threads [s]", |p| {
+                p.cpu_seconds.unwrap_or(f64::NAN)
+            }),
             ("rays", "shadow rays", |p| p.shadow_rays as f64),
-        ] {
+        ];
+        for (kind, x, cost) in costs {
             let chart = Curves {
-                title: format!("{scene}, {lights}: error against {kind}"),
+                title: format!(
+                    "{scene}, {lights}: error against {}",
+                    x.trim_end_matches(" [s]")
+                ),
                 x,
                 y: "relmse (relative mean squared error) [1]",
                 curves: convergence(results, &own, cost),
@@ -116,11 +122,7 @@ fn largest<'s, 'a: 's>(series: impl Iterator<Item = &'s Series<'a>>) -> Vec<&'s 
 }
 
 /// A curve for each method and tree: at each number of samples the medians over all cells that recorded it.
-fn convergence(
-    results: &Results,
-    series: &[&Series<'_>],
-    cost: fn(&crate::Pass) -> f64,
-) -> Vec<Curve> {
+fn convergence(results: &Results, series: &[&Series<'_>], cost: Cost) -> Vec<Curve> {
     let mut curves: Vec<Curve> = Vec::new();
     for one in largest(series.iter().copied()) {
         let same = |s: &&&Series<'_>| (s.method, s.tree) == (one.method, one.tree);

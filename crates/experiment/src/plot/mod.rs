@@ -124,6 +124,7 @@ mod tests {
         let names: Vec<&str> = plots.iter().map(|p| &*p.name).collect();
         let expected = [
             "1-room-lamps-error-time",
+            "1-room-lamps-error-cpu",
             "1-room-lamps-error-rays",
             "1-room-lamps-phases",
         ];
@@ -146,9 +147,9 @@ mod tests {
                     "reference",
                 ][..],
             ),
-            (expected[1], &["shadow rays", "1e6", "one", "two"][..]),
+            (expected[2], &["shadow rays", "1e6", "one", "two"][..]),
             (
-                expected[2],
+                expected[3],
                 &["share of thread time [%]", "shadow rays", "37 %", "100"][..],
             ),
         ] {
