@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use crate::bounds::Receiver;
-use crate::lights::LightId;
+use crate::light::LightId;
 use crate::select::BELOW_ONE;
 use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
 

@@ -4,7 +4,8 @@ use glam::Vec3A;
 
 use crate::bounds::Receiver;
 use crate::cone::Cone;
-use crate::lights::{LightId, LightKind, LightSet};
+use crate::light::{LightId, LightKind};
+use crate::lights::LightSet;
 use crate::select::BELOW_ONE;
 use crate::shared_cut::{Drawn, Draws, Pick};
 use crate::tree::{LightTree, NodeId};
