@@ -77,7 +77,7 @@ fn the_report_has_every_field_with_a_sound_value() {
     for (key, value) in [("spp", 2), ("width", 32), ("height", 18), ("seed", 7)] {
         assert_eq!(report[key], value, "{key}");
     }
-    assert_eq!(report["method"], "stratified-lightcuts", "method");
+    assert_eq!(report["method"], "stochastic-lightcuts", "method");
     assert_eq!(report["lights"]["point"], 2, "point lights");
     assert_eq!(report["lights"]["directional"], 0, "directional lights");
     assert!(
