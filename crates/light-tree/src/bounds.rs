@@ -264,7 +264,7 @@ pub(crate) fn widened_by(cos: f32, cos_half: f32, sin_half: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::emission::Profile;
-    use crate::lights::LightId;
+    use crate::light::LightId;
     use arbtest::arbitrary::{Result, Unstructured};
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::cone::Cone;
 use crate::emission::{Emission, Profile};
-use crate::lights::{LightId, LightKind, LightSet, luminance};
+use crate::light::{LightId, LightKind, luminance};
+use crate::lights::LightSet;
 use crate::tree::{LightTree, MAX_LIGHTS, Node, Pair};
 use morton::Curve;
 

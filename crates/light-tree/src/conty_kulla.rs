@@ -92,7 +92,8 @@ impl SeenSphere {
 mod tests {
     use super::*;
     use crate::build::TreeBuilder;
-    use crate::lights::{LightSet, VirtualLight};
+    use crate::light::VirtualLight;
+    use crate::lights::LightSet;
     use crate::weight::NodeWeights;
 
     /// Virtual lights of intensity 1 at positions with normals; a tree over them.

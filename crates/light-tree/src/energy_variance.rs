@@ -146,7 +146,8 @@ mod tests {
 
     use super::*;
     use crate::build::TreeBuilder;
-    use crate::lights::{LightId, LightSet, luminance};
+    use crate::light::{LightId, luminance};
+    use crate::lights::LightSet;
     use crate::test_lights::any_lights;
 
     #[test]

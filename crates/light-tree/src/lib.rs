@@ -15,6 +15,7 @@ mod cut;
 mod emission;
 mod energy_variance;
 mod error_bound;
+mod light;
 mod lights;
 mod order;
 mod representative;
@@ -32,9 +33,10 @@ pub use cut::Cut;
 pub use emission::{Emission, Profile};
 pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
-pub use lights::{
-    EnvironmentCell, LightId, LightKind, LightSet, SpotCone, TriangleLight, VirtualLight, luminance,
+pub use light::{
+    EnvironmentCell, LightId, LightKind, SpotCone, TriangleLight, VirtualLight, luminance,
 };
+pub use lights::LightSet;
 pub use order::LightOrder;
 pub use representative::Representatives;
 pub use select::{Chosen, DeadBranch, Selected, Selector};

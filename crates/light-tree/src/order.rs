@@ -3,7 +3,8 @@
 
 use std::ops::Range;
 
-use crate::lights::{LightId, LightSet};
+use crate::light::LightId;
+use crate::lights::LightSet;
 use crate::tree::{LightTree, NodeId};
 
 /// Lights in the order of a tree's leaves, drawn in proportion to intensity within any of its nodes; 16 bytes a light

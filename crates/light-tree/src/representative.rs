@@ -5,7 +5,8 @@
 use glam::{DVec3, Vec3};
 use sampling::{Purpose, Rng};
 
-use crate::lights::{LightId, LightSet};
+use crate::light::LightId;
+use crate::lights::LightSet;
 use crate::tree::{LightTree, NodeId};
 
 /// A cluster's representative with what it stands for; 16 bytes.
@@ -113,7 +114,7 @@ impl Representatives {
 mod tests {
     use super::*;
     use crate::build::TreeBuilder;
-    use crate::lights::{LightKind, VirtualLight, luminance};
+    use crate::light::{LightKind, VirtualLight, luminance};
     use crate::test_lights::any_lights;
 
     #[test]

@@ -1,7 +1,7 @@
 //! Hierarchical importance sampling: one light from a cluster.
 
 use crate::bounds::Receiver;
-use crate::lights::LightId;
+use crate::light::LightId;
 use crate::tree::{LightTree, NodeId, Pair};
 use crate::weight::NodeWeights;
 

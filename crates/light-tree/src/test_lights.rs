@@ -5,9 +5,10 @@ use glam::Vec3;
 
 use crate::bounds::Receiver;
 use crate::cone::Cone;
-use crate::lights::{
-    EnvironmentCell, LightId, LightKind, LightSet, SpotCone, TriangleLight, VirtualLight, luminance,
+use crate::light::{
+    EnvironmentCell, LightId, LightKind, SpotCone, TriangleLight, VirtualLight, luminance,
 };
+use crate::lights::LightSet;
 
 pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
     Ok(match u.int_in_range(0..=3)? {

@@ -5,7 +5,8 @@ use glam::Vec3;
 use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
 use crate::emission::{Emission, Profile};
-use crate::lights::{LightId, LightSet, luminance};
+use crate::light::{LightId, luminance};
+use crate::lights::LightSet;
 
 /// Index of a node in a [`LightTree`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -182,3 +182,5 @@ mod agreement;
 pub(crate) mod conformance;
 #[cfg(test)]
 pub(crate) mod fixtures;
+#[cfg(test)]
+pub(crate) mod shining_room;

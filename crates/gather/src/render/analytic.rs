@@ -9,7 +9,7 @@ use verify::z_test;
 use super::tests::{floor_scene, spec};
 use super::*;
 use crate::method::StochasticLightcutsSpec;
-use crate::method::conformance::shining_room;
+use crate::method::shining_room::shining_room;
 
 const PATH: fn(u32) -> Integrator = |max_bounces| Integrator::Path { max_bounces };
 

@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use super::*;
 use crate::build::TreeBuilder;
-use crate::lights::{LightSet, VirtualLight};
+use crate::light::VirtualLight;
+use crate::lights::LightSet;
 use crate::test_lights::{
     BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
 };
