@@ -116,6 +116,15 @@ def shapes(folder, obj, mtl, emissive):
             reflectance = {"type": "bitmap", "raw": True, "wrap_mode": "repeat",
                            "bitmap": mi.Bitmap(np.ascontiguousarray(texels[::-1]))}
         bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+        if material["map_d"] and has_uv:
+            # Below one half the surface is not there: alpha, or the first channel where there is none.
+            texels = np.array(mi.Bitmap(os.path.join(folder, material["map_d"])))
+            texels = texels.reshape(*texels.shape[:2], -1)
+            opacity = texels[:, :, -1 if texels.shape[2] in (2, 4) else 0]
+            there = (opacity >= 128).astype(np.float32)[::-1, :, None]
+            bsdf = {"type": "mask", "bsdf": bsdf,
+                    "opacity": {"type": "bitmap", "raw": True, "wrap_mode": "repeat", "filter_type": "nearest",
+                                "bitmap": mi.Bitmap(np.ascontiguousarray(there))}}
         props = mi.Properties()
         props["bsdf"] = mi.load_dict(bsdf)
         flat = lambda a: None if a is None else a.reshape(len(corners) * 3, -1)

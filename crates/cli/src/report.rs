@@ -120,6 +120,7 @@ pub(crate) fn write(
     let inputs = &prepared.lights.inputs;
     let lights = &inputs.lights;
     let tree = inputs.built_tree();
+    let wide_tree = inputs.built_wide_tree();
     let virtual_lights = &prepared.lights.virtual_lights;
     let mut plan = Plan::of(scene, lights, tree.is_some());
     if job.integrator != Integrator::Direct {
@@ -166,6 +167,10 @@ pub(crate) fn write(
             ("bvh", prepared.loaded.tracer.bytes()),
             ("lights", lights.bytes()),
             ("tree", tree.map_or(0, light_tree::LightTree::bytes)),
+            (
+                "wide_tree",
+                wide_tree.map_or(0, light_tree::WideTree::bytes),
+            ),
         ]),
         lights: BTreeMap::from([
             ("point", lights.count(LightKind::Omni)),

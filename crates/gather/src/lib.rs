@@ -35,6 +35,7 @@ use std::sync::OnceLock;
 
 use light_tree::{
     EnergyVariance, LightKind, LightOrder, LightSet, LightTree, Representatives, TreeBuilder,
+    WideTree,
 };
 
 /// A tree for methods that let one light stand for others of its kind.
@@ -52,6 +53,7 @@ pub struct Inputs {
     pub lights: LightSet,
     builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
+    wide_tree: OnceLock<Option<WideTree>>,
     clusters: OnceLock<Option<Clusters>>,
     light_order: OnceLock<Option<LightOrder>>,
     energy_variance: OnceLock<Option<EnergyVariance>>,
@@ -64,6 +66,7 @@ impl Inputs {
             lights,
             builder,
             tree: OnceLock::new(),
+            wide_tree: OnceLock::new(),
             clusters: OnceLock::new(),
             light_order: OnceLock::new(),
             energy_variance: OnceLock::new(),
@@ -75,6 +78,18 @@ impl Inputs {
         self.tree
             .get_or_init(|| LightTree::build(&self.lights, self.builder))
             .as_ref()
+    }
+
+    /// The eight-way form of the tree; `None` when there is no light.
+    pub fn wide_tree(&self) -> Option<&WideTree> {
+        self.wide_tree
+            .get_or_init(|| Some(WideTree::collapse(self.tree()?, &self.lights)))
+            .as_ref()
+    }
+
+    /// The eight-way form of the tree if some method asked for it.
+    pub fn built_wide_tree(&self) -> Option<&WideTree> {
+        self.wide_tree.get()?.as_ref()
     }
 
     /// How much the lights below each node of [`tree`](Self::tree) differ; `None` when there is no light.

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use light_tree::{Lobe, Receiver, luminance};
+use sampling::Sequence;
 use scene::{Brdf, Surface};
 
 /// A point of an eye path where light is gathered.
@@ -21,6 +22,10 @@ pub struct GatherPoint {
     pub strength: Vec3,
     /// Pixel sample that the point belongs to, an index the renderer gives.
     pub slot: u32,
+    /// Which sample of its pixel it belongs to, from 0: low-discrepancy sequences run along it.
+    pub sample: u32,
+    /// The pixel's sequence.
+    pub sequence: Sequence,
     /// Surfaces between the point and the first hit of its path, that one counted: 0 for the first hit.
     pub bounce: u32,
     /// Whether lights that can be hit are met by a ray that goes on from here as well, so that sampling them is to find
@@ -31,7 +36,7 @@ pub struct GatherPoint {
 }
 
 impl GatherPoint {
-    /// The point at `surface`, seen along `-wo`.
+    /// The point at `surface`, seen along `-wo`, as sample 0 of any pixel.
     pub fn new(surface: &Surface, wo: Vec3, strength: Vec3, slot: u32) -> Self {
         let position = surface.ray_origin();
         Self {
@@ -42,6 +47,8 @@ impl GatherPoint {
             brdf: surface.brdf,
             strength,
             slot,
+            sample: 0,
+            sequence: Sequence(0),
             bounce: 0,
             shares_hits: false,
             receiver: receiver(position, surface, wo),

@@ -8,7 +8,7 @@ use std::time::Instant;
 use film::{Picture, PixelStats};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use sampling::{Purpose, Rng};
+use sampling::{Purpose, Rng, Sequence};
 use scene::trace::{Ray, Tracer};
 use scene::{Camera, Scene};
 
@@ -314,10 +314,23 @@ struct PassOf<'a, F> {
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
+    pilots: Vec<GatherPoint>,
     /// What is seen without a surface that reflects it, by pixel sample.
     seen: Vec<(u32, Vec3)>,
     features: Vec<Features>,
     method: S,
+}
+
+/// Where an eye path starts.
+#[derive(Clone, Copy)]
+struct EyePath {
+    /// Number of the pixel in the tile.
+    pixel: usize,
+    /// Place in the pixel, each coordinate in [0, 1); a random one where none is given.
+    place: Option<[f32; 2]>,
+    sample: u32,
+    sequence: Sequence,
+    slot: u32,
 }
 
 impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
@@ -354,10 +367,24 @@ impl<F> PassOf<'_, F> {
         scratch.features.clone_from(&tile.features);
         let mut bounce_rays = 0;
         for i in 0..tile.pixels.len() {
+            let pixel = self.pixel_index(tile, i);
+            let sequence = Sequence(Rng::new(self.spec.seed, pixel, 0, Purpose::Sequence).u32());
             for sample in tile.done..self.until {
-                let slot = i * samples + (sample - tile.done) as usize;
-                bounce_rays += self.eye_path(tile, i, sample, slot as u32, scratch);
+                let start = EyePath {
+                    pixel: i,
+                    place: M::STRATIFIED
+                        .then(|| [0, 1].map(|dimension| sequence.f32(sample, dimension))),
+                    sample,
+                    sequence,
+                    slot: (i * samples) as u32 + sample - tile.done,
+                };
+                bounce_rays += self.eye_path(tile, start, scratch);
             }
+        }
+        scratch.pilots.clear();
+        if M::PILOTS {
+            let pilots = (0..tile.pixels.len()).filter_map(|i| self.pilot(tile, i));
+            scratch.pilots.extend(pilots);
         }
         let eye = started.elapsed();
 
@@ -386,6 +413,7 @@ impl<F> PassOf<'_, F> {
             points: &scratch.points,
             width: tile.width,
             samples: samples as u32,
+            pilots: &scratch.pilots,
             stream: &stream,
         };
         method.begin_tile(&handed, &mut scratch.method);
@@ -430,29 +458,35 @@ impl<F> PassOf<'_, F> {
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
     }
 
+    /// What is seen at the centre of the tile's `i`-th pixel if that is every fourth in every fourth row.
+    fn pilot(&self, tile: &Tile, i: usize) -> Option<GatherPoint> {
+        let (x, y) = (i as u32 % tile.width, i as u32 / tile.width);
+        if x % 4 != 2 || y % 4 != 2 {
+            return None;
+        }
+        let at = |start: u32, offset: u32| (start + offset) as f32 + 0.5;
+        let direction = self.camera.direction(at(tile.x, x), at(tile.y, y));
+        let hit = self.tracer.closest(&Ray {
+            origin: self.camera.origin(),
+            direction,
+            t_max: f32::INFINITY,
+        })?;
+        let surface = self.scene.surface(&hit, direction);
+        Some(GatherPoint::new(&surface, -direction, Vec3::ONE, 0))
+    }
+
     /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the
     /// number of rays behind the first.
-    fn eye_path<S>(
-        &self,
-        tile: &Tile,
-        i: usize,
-        sample: u32,
-        slot: u32,
-        scratch: &mut Scratch<S>,
-    ) -> u64 {
+    fn eye_path<S>(&self, tile: &Tile, start: EyePath, scratch: &mut Scratch<S>) -> u64 {
+        let i = start.pixel;
         let (x, y) = (
             tile.x + i as u32 % tile.width,
             tile.y + i as u32 / tile.width,
         );
-        let mut rng = Rng::new(
-            self.spec.seed,
-            self.pixel_index(tile, i),
-            u64::from(sample),
-            Purpose::Eye,
-        );
-        let direction = self
-            .camera
-            .direction(x as f32 + rng.f32(), y as f32 + rng.f32());
+        let pixel = self.pixel_index(tile, i);
+        let mut rng = Rng::new(self.spec.seed, pixel, u64::from(start.sample), Purpose::Eye);
+        let [dx, dy] = start.place.unwrap_or_else(|| [rng.f32(), rng.f32()]);
+        let direction = self.camera.direction(x as f32 + dx, y as f32 + dy);
         let ray = Ray {
             origin: self.camera.origin(),
             direction,
@@ -462,7 +496,7 @@ impl<F> PassOf<'_, F> {
         if self.scene.has_visible_lights() {
             let radiance = seen(self.scene, direction, hit.as_ref());
             if radiance != Vec3::ZERO {
-                scratch.seen.push((slot, radiance));
+                scratch.seen.push((start.slot, radiance));
             }
         }
         let Some(hit) = hit else {
@@ -474,7 +508,11 @@ impl<F> PassOf<'_, F> {
         features.normal += surface.ns.as_dvec3();
         features.depth += f64::from(hit.t);
         features.hits += 1;
-        let first = GatherPoint::new(&surface, -direction, Vec3::ONE, slot);
+        let first = GatherPoint {
+            sample: start.sample,
+            sequence: start.sequence,
+            ..GatherPoint::new(&surface, -direction, Vec3::ONE, start.slot)
+        };
         match self.spec.integrator {
             Integrator::Direct => {
                 scratch.points.push(first);

@@ -139,6 +139,8 @@ mod tests {
             brdf,
             strength: Vec3::ONE,
             slot: 0,
+            sample: 0,
+            sequence: sampling::Sequence(0),
             bounce: 0,
             shares_hits: false,
             receiver: Receiver::new(Vec3::ZERO, Vec3::Y),

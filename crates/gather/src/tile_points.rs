@@ -14,6 +14,9 @@ pub struct TilePoints<'a> {
     pub width: u32,
     /// Samples of each pixel: a point's slot is pixel × samples + sample.
     pub samples: u32,
+    /// What is seen at the centres of every fourth pixel in every fourth row, the same in every pass; empty unless the
+    /// method [`asks`](crate::Method::PILOTS).
+    pub pilots: &'a [GatherPoint],
     /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.
     pub stream: &'a dyn Fn(u32, Purpose) -> Rng,
 }

@@ -57,7 +57,7 @@ impl Emission {
     }
 
     /// A cone to which cosine emission bounds this one. A beam is no brighter inside its cone, and dark outside.
-    fn as_cosine(self) -> Cone {
+    pub(crate) fn as_cosine(self) -> Cone {
         match self.profile {
             Profile::Cosine | Profile::Beam => self.cone,
             Profile::BothSides => Cone::SPHERE,

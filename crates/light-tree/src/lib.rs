@@ -21,11 +21,13 @@ mod lobe;
 mod order;
 mod representative;
 mod select;
+mod shared_cut;
 mod splitting;
 #[cfg(test)]
 mod test_lights;
 mod tree;
 mod weight;
+mod wide;
 
 pub use bounds::{DistanceRange, Receiver};
 pub use build::TreeBuilder;
@@ -42,6 +44,8 @@ pub use lobe::Lobe;
 pub use order::LightOrder;
 pub use representative::Representatives;
 pub use select::{Chosen, DeadBranch, Selected, Selector};
+pub use shared_cut::{Drawn, Draws, SharedCut};
 pub use splitting::{Splitter, SplittingRule};
 pub use tree::{LightTree, Node, NodeId};
 pub use weight::NodeWeights;
+pub use wide::{Cluster, WideTree};

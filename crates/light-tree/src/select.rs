@@ -49,7 +49,7 @@ struct Descent {
 }
 
 /// Largest f64 below 1.
-const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+pub(crate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// Chooses by `weights` with `u`; returns the chosen child, its probability and the rescaled number.
 #[inline]

@@ -7,12 +7,14 @@ mod alias;
 mod discrete;
 mod ggx;
 mod rng;
+mod sequence;
 mod warp;
 
 pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use ggx::{ggx_density, ggx_reflected, ggx_visibility, ggx_visible_normal};
 pub use rng::{Purpose, Rng};
+pub use sequence::Sequence;
 pub use warp::{
     Frame, cosine_hemisphere, uniform_cone, uniform_disc, uniform_sphere, uniform_triangle,
 };

@@ -20,6 +20,8 @@ pub enum Purpose {
     Pilot = 5,
     /// Choices made once while building a structure.
     Build = 6,
+    /// Choice of a pixel's low-discrepancy sequence.
+    Sequence = 8,
     /// Choice of the gather point that a block of pixels takes its cut from.
     Pivot = 7,
 }
@@ -47,6 +49,12 @@ impl Rng {
         state[..8].copy_from_slice(&lo.to_le_bytes());
         state[8..].copy_from_slice(&hi.to_le_bytes());
         Self(Xoshiro128PlusPlus::from_seed(state))
+    }
+
+    /// Any 32 bits, each pattern alike.
+    #[inline]
+    pub fn u32(&mut self) -> u32 {
+        self.0.next_u32()
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻²⁴; never 1.

@@ -6,7 +6,7 @@ use experiment::{Coordinates, Reference, store};
 use film::Picture;
 use gather::{MethodSpec, Render, Shard};
 
-use super::Machinery;
+use super::run::Machinery;
 use super::spec::{MethodEntry, ReferenceSpec};
 use crate::error::CliError;
 use crate::fingerprint::Fnv;

@@ -4,7 +4,7 @@
 
 use glam::{DVec3, Vec3};
 use light_tree::{LightKind, LightSet, TreeBuilder, VirtualLight};
-use sampling::{Purpose, Rng};
+use sampling::{Purpose, Rng, Sequence};
 use scene::trace::{Hit, Tracer};
 use scene::{Emitter, Material, MaterialId, Mesh, Scene};
 use verify::{Running, critical_z, sidak, z_test};
@@ -238,7 +238,12 @@ impl Visitor for Estimates<'_> {
         for slot in 0..self.count {
             let stream = |purpose| Rng::new(self.seed, u64::from(slot), 0, purpose);
             queue.begin_point(stream(Purpose::LightSurface));
-            let x = GatherPoint { slot, ..self.x };
+            // Estimates of one sequence would not be independent.
+            let x = GatherPoint {
+                slot,
+                sequence: Sequence(slot),
+                ..self.x
+            };
             method.point(&x, &mut queue, &mut stream(Purpose::Lights), &mut scratch);
             queue.end_point();
         }

@@ -12,6 +12,7 @@ mod running_total;
 mod sample_count;
 mod shared_cuts;
 mod stochastic_lightcuts;
+mod stratified_lightcuts;
 mod uniform;
 
 use sampling::Rng;
@@ -34,6 +35,7 @@ pub use shared_cuts::BlockEdge;
 pub use stochastic_lightcuts::{
     RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,
 };
+pub use stratified_lightcuts::{StratifiedLightcuts, StratifiedLightcutsSpec};
 pub use uniform::{Uniform, UniformSpec};
 
 /// A way to estimate the light of many lights at a point with few evaluations.
@@ -45,6 +47,10 @@ pub trait Method<'a>: Sized + Sync {
     /// Whether the gather points of all of a pixel's samples are handed to [`pixel`](Self::pixel) together.
     /// Otherwise they go to [`point`](Self::point) one by one.
     const WHOLE_PIXEL: bool = false;
+    /// Whether it wants [`TilePoints::pilots`].
+    const PILOTS: bool = false;
+    /// Whether the samples of a pixel are stratified jointly, places in the pixel included, rather than independent.
+    const STRATIFIED: bool = false;
 
     /// Builds what the method needs for a render: no tree is built unless a method asks for it.
     fn prepare(spec: &Self::Spec, inputs: &'a Inputs) -> Self;
@@ -139,6 +145,7 @@ methods! {
     Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional"),
     AdaptiveSplitting(AdaptiveSplitting, AdaptiveSplittingSpec, "adaptive-splitting"),
     StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
+    StratifiedLightcuts(StratifiedLightcuts, StratifiedLightcutsSpec, "stratified-lightcuts"),
 }
 
 /// Asks a method whether it is unbiased.
@@ -172,7 +179,7 @@ impl MethodSpec {
 
 impl Default for MethodSpec {
     fn default() -> Self {
-        Self::StochasticLightcuts(StochasticLightcutsSpec::default())
+        Self::StratifiedLightcuts(StratifiedLightcutsSpec::default())
     }
 }
 

@@ -1,0 +1,548 @@
+//! A cut that many receivers share: its clusters are weighed all at once, and lights drawn from them in one sweep.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use crate::bounds::Receiver;
+use crate::light::LightId;
+use crate::select::BELOW_ONE;
+use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
+
+/// A partition of all lights into clusters, good for receivers near each other.
+///
+/// Unlike a [`Cut`](crate::Cut) it leaves no light out: what is dark for the receivers it was refined for may be lit
+/// for others. Clusters lie in the tree's order, so that neighbours in the list are neighbours in space.
+#[derive(Debug, Default)]
+pub struct SharedCut {
+    blocks: Vec<Block>,
+    /// ‖Iᴰ‖ of each block's clusters; empty when there is none.
+    parallel: Vec<Lanes>,
+    len: usize,
+    growth: Growth,
+}
+
+/// Memory of a cut while it grows.
+#[derive(Debug, Default)]
+struct Growth {
+    clusters: Vec<Grown>,
+    candidates: BinaryHeap<Candidate>,
+    seen: Vec<Seen>,
+    stack: Vec<u32>,
+}
+
+/// A cluster of a growing cut: what it was split into, or itself.
+#[derive(Debug)]
+struct Grown {
+    /// The block that holds it, and where.
+    block: u32,
+    lane: u32,
+    /// Position of the first child, and how many; none for a cluster of the cut.
+    first: u32,
+    children: u32,
+}
+
+/// A cluster that may be split.
+#[derive(Debug, PartialEq)]
+struct Candidate {
+    bound: f32,
+    /// Position in the list that grows.
+    at: u32,
+}
+
+impl Eq for Candidate {}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound
+            .total_cmp(&other.bound)
+            .then(other.at.cmp(&self.at))
+    }
+}
+
+impl SharedCut {
+    /// Splits the tree, always the cluster of greatest error bound summed over `receivers`, until there are `size` ≥ 1
+    /// clusters or up to seven more, or nothing is left to split. Without receivers only the root is split.
+    pub fn refine(&mut self, tree: &WideTree, receivers: &[Receiver], size: usize) {
+        let growth = &mut self.growth;
+        growth.clusters.clear();
+        growth.candidates.clear();
+        growth.seen.clear();
+        growth.seen.extend(receivers.iter().map(|r| tree.seen(r)));
+        let roots = growth.open(tree, receivers, 0);
+        let mut count = roots as usize;
+        while count < size {
+            // What brings nothing to any of the receivers stays whole.
+            let Some(worst) = growth.candidates.pop().filter(|c| c.bound > 0.0) else {
+                break;
+            };
+            let Grown { block, lane, .. } = growth.clusters[worst.at as usize];
+            let Some(child) = tree.blocks[block as usize].clusters[lane as usize].block() else {
+                continue;
+            };
+            let first = growth.clusters.len() as u32;
+            let children = growth.open(tree, receivers, child);
+            let split = &mut growth.clusters[worst.at as usize];
+            (split.first, split.children) = (first, children);
+            count += children as usize - 1;
+        }
+        self.collect(tree, roots);
+    }
+
+    /// Copies the clusters of the grown cut, in the tree's order.
+    fn collect(&mut self, tree: &WideTree, roots: u32) {
+        let Self {
+            blocks,
+            parallel,
+            len,
+            growth,
+        } = self;
+        blocks.clear();
+        parallel.clear();
+        *len = 0;
+        growth.stack.clear();
+        growth.stack.extend((0..roots).rev());
+        while let Some(at) = growth.stack.pop() {
+            let grown = &growth.clusters[at as usize];
+            if grown.children > 0 {
+                let children = grown.first..grown.first + grown.children;
+                growth.stack.extend(children.rev());
+                continue;
+            }
+            let (block, from) = (grown.block as usize, grown.lane as usize);
+            let to = *len % WIDTH;
+            if to == 0 {
+                blocks.push(Block::EMPTY);
+                if !tree.parallel.is_empty() {
+                    parallel.push([0.0; WIDTH]);
+                }
+            }
+            if let Some(last) = blocks.last_mut() {
+                last.take(to, &tree.blocks[block], from);
+            }
+            if let Some(last) = parallel.last_mut() {
+                last[to] = tree.parallel[block][from];
+            }
+            *len += 1;
+        }
+    }
+
+    /// The `i`-th cluster, `i` below [`len`](Self::len).
+    pub fn cluster(&self, i: usize) -> Cluster {
+        self.blocks[i / WIDTH].clusters[i % WIDTH]
+    }
+
+    /// Number of clusters; 0 before the first refinement.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is no cluster.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Works out how much each cluster is expected to bring to `receiver` if nothing is in the way: > 0 wherever any of
+    /// its lights brings anything.
+    pub fn weigh(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
+        draws.weights.clear();
+        tree.weigh_all(&self.blocks, receiver, &mut draws.weights);
+        let parallel = self.blocks.iter().zip(&self.parallel);
+        for ((block, parallel), weights) in parallel.zip(&mut draws.weights) {
+            block.add_parallel(receiver, parallel, weights);
+        }
+    }
+
+    /// Draws `samples` ≥ 1 lights, or a few more or less, in proportion to the weights that [`weigh`](Self::weigh)
+    /// worked out; [`Draws::lights`] has them.
+    ///
+    /// A light that would be drawn at least once is taken once for certain; the others are drawn at even distances along
+    /// the clusters, from a start that `u` in [0, 1) chooses. So numbers `u` that are spread evenly over [0, 1) spread
+    /// the lights that they draw evenly over the tree.
+    pub fn draw(
+        &self,
+        tree: &WideTree,
+        receiver: &Receiver,
+        samples: u32,
+        u: f64,
+        draws: &mut Draws,
+    ) {
+        draws.lights.clear();
+        draws.picks.clear();
+        draws.dead = 0;
+        let mut left = samples.max(1);
+        let mut total = draws.sum();
+        // Taking some out lowers the bar for the others. What is left has a weight, and so needs a sample.
+        while total > 0.0 {
+            let bar = total / f64::from(left);
+            let taken = draws.take_certain(self, bar);
+            if taken == 0 {
+                draws.pick(self, left, u, bar);
+                break;
+            }
+            left = left.saturating_sub(taken).max(1);
+            total = draws.sum();
+        }
+        tree.descend_all(receiver, draws);
+    }
+}
+
+impl Growth {
+    /// Adds the clusters of a block; returns how many.
+    fn open(&mut self, tree: &WideTree, receivers: &[Receiver], block: usize) -> u32 {
+        let mut bounds = [0.0f32; WIDTH];
+        for (receiver, seen) in receivers.iter().zip(&self.seen) {
+            for (sum, bound) in bounds.iter_mut().zip(tree.bounds(block, receiver, seen)) {
+                *sum += bound;
+            }
+        }
+        let clusters = &tree.blocks[block].clusters;
+        let count = tree.blocks[block].len();
+        for (lane, bound) in bounds.into_iter().enumerate().take(count) {
+            if clusters[lane].block().is_some() {
+                self.candidates.push(Candidate {
+                    bound,
+                    at: self.clusters.len() as u32,
+                });
+            }
+            self.clusters.push(Grown {
+                block: block as u32,
+                lane: lane as u32,
+                first: 0,
+                children: 0,
+            });
+        }
+        count as u32
+    }
+}
+
+/// A light that was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Which light.
+    pub light: LightId,
+    /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
+    pub expected: f64,
+}
+
+/// Weights, picks and lights of one receiver; memory is kept from receiver to receiver.
+#[derive(Debug, Default)]
+pub struct Draws {
+    weights: Vec<Lanes>,
+    /// Running sums of the weights, block by block.
+    sums: Vec<f64>,
+    pub(crate) picks: Vec<Pick>,
+    pub(crate) lights: Vec<Drawn>,
+    pub(crate) dead: u32,
+    pub(crate) descents: Descents,
+}
+
+/// A cluster from which one light is to be drawn.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pick {
+    pub(crate) cluster: Cluster,
+    pub(crate) expected: f64,
+    /// Chooses within the cluster.
+    pub(crate) u: f64,
+}
+
+impl Draws {
+    /// The lights that were drawn; the same one may be among them more than once.
+    pub fn lights(&self) -> &[Drawn] {
+        &self.lights
+    }
+
+    /// How many draws ended in a cluster that cannot light the receiver.
+    pub fn dead(&self) -> u32 {
+        self.dead
+    }
+
+    /// Sums up the weights. Eight at a time in `f32`: a share of 10⁻⁷ lost in one block is lost for good, but to the
+    /// same extent in the choice within the block, which is made by the weights themselves.
+    fn sum(&mut self) -> f64 {
+        self.sums.clear();
+        let mut sum = 0.0;
+        for w in &self.weights {
+            let [a, b, c, d, e, f, g, h] = w.map(f64::from);
+            sum += ((a + b) + (c + d)) + ((e + f) + (g + h));
+            self.sums.push(sum);
+        }
+        sum
+    }
+
+    /// Takes every single light whose weight is at least `bar`, and says how many there were.
+    fn take_certain(&mut self, cut: &SharedCut, bar: f64) -> u32 {
+        let mut taken = 0;
+        for (block, weights) in cut.blocks.iter().zip(&mut self.weights) {
+            if weights.iter().all(|&w| f64::from(w) < bar) {
+                continue;
+            }
+            for (w, cluster) in weights.iter_mut().zip(block.clusters) {
+                if f64::from(*w) >= bar
+                    && let Some(light) = cluster.light()
+                {
+                    *w = 0.0;
+                    taken += 1;
+                    self.lights.push(Drawn {
+                        light,
+                        expected: 1.0,
+                    });
+                }
+            }
+        }
+        taken
+    }
+
+    /// Picks clusters at distances `step` along their weights.
+    fn pick(&mut self, cut: &SharedCut, count: u32, u: f64, step: f64) {
+        let mut block = 0;
+        for i in 0..count {
+            let at = (f64::from(i) + u) * step;
+            while block + 1 < self.sums.len() && self.sums[block] <= at {
+                block += 1;
+            }
+            let before = if block == 0 {
+                0.0
+            } else {
+                self.sums[block - 1]
+            };
+            let mut rest = at - before;
+            let mut picked = None;
+            for (lane, w) in self.weights[block].into_iter().enumerate() {
+                let w = f64::from(w);
+                if w > 0.0 {
+                    picked = Some((lane, w, rest / w));
+                    if rest < w {
+                        break;
+                    }
+                    rest -= w;
+                }
+            }
+            if let Some((lane, w, u)) = picked {
+                self.picks.push(Pick {
+                    cluster: cut.cluster(block * WIDTH + lane),
+                    expected: w / step,
+                    u: u.clamp(0.0, BELOW_ONE),
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use sampling::{Purpose, Rng};
+
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::lights::LightSet;
+    use crate::test_lights::{any_lights, any_receiver, contribution, lights_on_walls, receiver};
+    use crate::tree::LightTree;
+
+    fn wide(lights: &LightSet) -> Option<WideTree> {
+        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
+        Some(WideTree::collapse(&tree, lights))
+    }
+
+    const PLACES: [(Vec3, Vec3); 3] = [
+        (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
+        (Vec3::new(-1.0, 0.3, 0.3), Vec3::X),
+        (Vec3::new(0.2, 0.97, -0.8), Vec3::NEG_Z),
+    ];
+
+    #[test]
+    fn a_cut_leaves_no_light_out() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let Some(tree) = wide(&lights) else {
+                return Ok(());
+            };
+            let receivers: Vec<_> = (0..u.int_in_range(0..=3)?)
+                .map(|_| Ok(receiver(any_receiver(u, &lights)?)))
+                .collect::<arbtest::arbitrary::Result<_>>()?;
+            let mut cut = SharedCut::default();
+            let size = u.int_in_range(1..=40)?;
+            cut.refine(&tree, &receivers, size);
+            assert!(cut.len() < size + WIDTH, "{} clusters of {size}", cut.len());
+            let mut seen = vec![0; lights.len()];
+            let mut stack: Vec<Cluster> = (0..cut.len()).map(|i| cut.cluster(i)).collect();
+            while let Some(cluster) = stack.pop() {
+                match (cluster.light(), cluster.block()) {
+                    (Some(light), _) => seen[light.index()] += 1,
+                    (None, Some(block)) => {
+                        let block = &tree.blocks[block];
+                        stack.extend(&block.clusters[..block.len()]);
+                    }
+                    (None, None) => unreachable!("a cluster is one or the other"),
+                }
+            }
+            assert!(seen.iter().all(|&times| times == 1), "{seen:?}");
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn lights_are_drawn_as_often_as_expected() {
+        let lights = lights_on_walls(150);
+        let tree = wide(&lights).expect("has lights");
+        let rounds = 20_000;
+        for at in PLACES {
+            for (size, samples) in [(1, 3), (20, 10), (150, 40)] {
+                let mut cut = SharedCut::default();
+                cut.refine(&tree, &[receiver(PLACES[0])], size);
+                let mut draws = Draws::default();
+                let mut rng = Rng::new(1, 0, 0, Purpose::Lights);
+                let mut times = vec![0u32; lights.len()];
+                let mut expected = vec![None; lights.len()];
+                for _ in 0..rounds {
+                    cut.weigh(&tree, &receiver(at), &mut draws);
+                    cut.draw(&tree, &receiver(at), samples, rng.f64(), &mut draws);
+                    for drawn in draws.lights() {
+                        times[drawn.light.index()] += 1;
+                        let known = expected[drawn.light.index()].get_or_insert(drawn.expected);
+                        assert!(
+                            (*known / drawn.expected - 1.0).abs() < 1e-9,
+                            "{drawn:?} and {known}"
+                        );
+                    }
+                }
+                for (id, (&times, expected)) in times.iter().zip(expected).enumerate() {
+                    let Some(expected) = expected else { continue };
+                    // A count of this mean whose variance is at most binomial; 5.5 sigma for 1350 counts, false alarm 5e-5.
+                    let mean = expected * f64::from(rounds);
+                    let z = (f64::from(times) - mean) / mean.sqrt().max(1.0);
+                    assert!(
+                        z.abs() < 5.5,
+                        "light {id} at {at:?}: {times} times instead of {mean}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sums_over_drawn_lights_average_to_the_sum_over_all() {
+        let lights = lights_on_walls(400);
+        let tree = wide(&lights).expect("has lights");
+        for at in PLACES {
+            let exact: f64 = lights
+                .ids()
+                .map(|id| contribution(&lights, id, at.0, at.1))
+                .sum();
+            for size in [1, 60] {
+                let mut cut = SharedCut::default();
+                cut.refine(&tree, &[receiver(PLACES[1])], size);
+                let mut draws = Draws::default();
+                let mut rng = Rng::new(2, 0, 0, Purpose::Lights);
+                let (mut sum, mut squares) = (0.0, 0.0);
+                let rounds = 20_000;
+                for _ in 0..rounds {
+                    cut.weigh(&tree, &receiver(at), &mut draws);
+                    cut.draw(&tree, &receiver(at), 5, rng.f64(), &mut draws);
+                    let estimate: f64 = draws
+                        .lights()
+                        .iter()
+                        .map(|d| contribution(&lights, d.light, at.0, at.1) / d.expected)
+                        .sum();
+                    sum += estimate;
+                    squares += estimate * estimate;
+                }
+                let n = f64::from(rounds);
+                let mean = sum / n;
+                let deviation = ((squares / n - mean * mean) / n).sqrt();
+                // 4.5 sigma over 6 cases: false alarm 4e-5.
+                let z = (mean - exact) / deviation;
+                assert!(
+                    z.abs() < 4.5,
+                    "{mean} instead of {exact} at {at:?}, z = {z}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn as_many_samples_as_lights_draw_each_light_once() {
+        let mut lights = LightSet::default();
+        for i in 0..10 {
+            let power = 10.0f32.powi(i % 5 - 2);
+            lights.push_point(Vec3::new(i as f32, 2.0, 0.5), Vec3::splat(power));
+        }
+        let tree = wide(&lights).expect("has lights");
+        let at = receiver((Vec3::ZERO, Vec3::Y));
+        let mut cut = SharedCut::default();
+        cut.refine(&tree, &[at], 64);
+        let mut draws = Draws::default();
+        for u in [0.0, 0.3, BELOW_ONE] {
+            cut.weigh(&tree, &at, &mut draws);
+            cut.draw(&tree, &at, 10, u, &mut draws);
+            let mut ids: Vec<_> = draws.lights().iter().map(|d| d.light.0).collect();
+            ids.sort_unstable();
+            assert_eq!(ids, (0..10).collect::<Vec<_>>(), "u = {u}");
+            assert!(
+                draws.lights().iter().all(|d| d.expected == 1.0),
+                "all for certain"
+            );
+        }
+    }
+
+    #[test]
+    fn a_dominating_light_is_drawn_once_and_leaves_the_samples_to_the_others() {
+        let mut lights = lights_on_walls(0);
+        lights.push_point(Vec3::new(0.0, 1.0, 0.0), Vec3::splat(1e4));
+        for i in 0..100 {
+            lights.push_point(Vec3::new(i as f32, 2.0, 0.5), Vec3::ONE);
+        }
+        let tree = wide(&lights).expect("has lights");
+        let at = receiver((Vec3::ZERO, Vec3::Y));
+        let mut cut = SharedCut::default();
+        cut.refine(&tree, &[at], 128);
+        let mut draws = Draws::default();
+        cut.weigh(&tree, &at, &mut draws);
+        cut.draw(&tree, &at, 10, 0.5, &mut draws);
+        let bright = draws.lights().iter().filter(|d| d.light.0 == 0).count();
+        assert_eq!(bright, 1, "{:?}", draws.lights());
+        assert!(draws.lights().len() >= 10, "{:?}", draws.lights());
+    }
+
+    #[test]
+    fn evenly_spread_numbers_spread_the_lights() {
+        let lights = lights_on_walls(2000);
+        let tree = wide(&lights).expect("has lights");
+        let at = PLACES[0];
+        let mut cut = SharedCut::default();
+        cut.refine(&tree, &[receiver(at)], 100);
+        let mut draws = Draws::default();
+        let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
+        let mut estimate = |u: f64| -> f64 {
+            cut.weigh(&tree, &receiver(at), &mut draws);
+            cut.draw(&tree, &receiver(at), 10, u, &mut draws);
+            draws
+                .lights()
+                .iter()
+                .map(|d| contribution(&lights, d.light, at.0, at.1) / d.expected)
+                .sum()
+        };
+        let exact: f64 = lights
+            .ids()
+            .map(|id| contribution(&lights, id, at.0, at.1))
+            .sum();
+        let (mut even, mut random) = (0.0, 0.0);
+        for _ in 0..200 {
+            let shift = rng.f64();
+            let mean = |sum: f64| (sum / 64.0 / exact - 1.0).powi(2);
+            even += mean(
+                (0..64)
+                    .map(|i| estimate((f64::from(i) + shift) / 64.0))
+                    .sum(),
+            );
+            random += mean((0..64).map(|_| estimate(rng.f64())).sum());
+        }
+        assert!(even * 4.0 < random, "squared errors {even} and {random}");
+    }
+}

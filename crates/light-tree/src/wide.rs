@@ -1,0 +1,739 @@
+//! An eight-way light tree: the children of a node are weighed all at once.
+
+use glam::Vec3A;
+
+use crate::bounds::Receiver;
+use crate::cone::Cone;
+use crate::light::{LightId, LightKind};
+use crate::lights::LightSet;
+use crate::select::BELOW_ONE;
+use crate::shared_cut::{Drawn, Draws, Pick};
+use crate::tree::{LightTree, NodeId};
+
+/// Children of a node: their numbers fill a register of eight lanes.
+pub(crate) const WIDTH: usize = 8;
+pub(crate) type Lanes = [f32; WIDTH];
+
+/// A cluster: a light, or a node of a [`WideTree`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cluster(pub(crate) u32);
+
+/// Set in a [`Cluster`] that is a light alone, whose other bits are its id.
+const LIGHT: u32 = 1 << 31;
+/// No cluster: more lights than a tree holds.
+const UNUSED: u32 = u32::MAX;
+
+impl Cluster {
+    /// The light, where the cluster is one.
+    #[inline]
+    pub fn light(self) -> Option<LightId> {
+        (self.0 & LIGHT != 0).then_some(LightId(self.0 & !LIGHT))
+    }
+
+    /// The block that holds its children, where it is not a light alone.
+    #[inline]
+    pub(crate) fn block(self) -> Option<usize> {
+        (self.0 & LIGHT == 0).then_some(self.0 as usize)
+    }
+}
+
+/// Eight clusters, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of the whole.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub(crate) struct Block {
+    lo: [Lanes; 3],
+    hi: [Lanes; 3],
+    /// Emission axis, or travel direction, and the cosine of the cone about it.
+    axis: [Lanes; 3],
+    cos: Lanes,
+    /// ‖I‖.
+    intensity: Lanes,
+    /// Greatest radius of the spheres.
+    radius: Lanes,
+    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them.
+    near2: Lanes,
+    pub(crate) clusters: [Cluster; WIDTH],
+}
+
+impl Block {
+    /// No clusters: weights of 0.
+    pub(crate) const EMPTY: Self = Self {
+        lo: [[0.0; WIDTH]; 3],
+        hi: [[0.0; WIDTH]; 3],
+        axis: [[0.0; WIDTH]; 3],
+        cos: [-1.0; WIDTH],
+        intensity: [0.0; WIDTH],
+        radius: [0.0; WIDTH],
+        near2: [LEAST_DIST2; WIDTH],
+        clusters: [Cluster(UNUSED); WIDTH],
+    };
+
+    /// Number of clusters.
+    pub(crate) fn len(&self) -> usize {
+        self.clusters.iter().filter(|c| c.0 != UNUSED).count()
+    }
+
+    /// Copies cluster `from` of `other` to place `to`.
+    pub(crate) fn take(&mut self, to: usize, other: &Self, from: usize) {
+        for axis in 0..3 {
+            self.lo[axis][to] = other.lo[axis][from];
+            self.hi[axis][to] = other.hi[axis][from];
+            self.axis[axis][to] = other.axis[axis][from];
+        }
+        self.cos[to] = other.cos[from];
+        self.radius[to] = other.radius[from];
+        self.near2[to] = other.near2[from];
+        self.intensity[to] = other.intensity[from];
+        self.clusters[to] = other.clusters[from];
+    }
+
+    fn cone(&self, lane: usize) -> Cone {
+        Cone {
+            axis: glam::Vec3::new(self.axis[0][lane], self.axis[1][lane], self.axis[2][lane]),
+            cos: self.cos[lane],
+        }
+    }
+}
+
+/// A point that is lit, in the units of a [`WideTree`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seen {
+    position: Vec3A,
+    normal: Vec3A,
+}
+
+/// The tree. Its clusters' weights are estimates of what they bring, not bounds; but they are 0 only where nothing
+/// can arrive.
+#[derive(Debug, Clone)]
+pub struct WideTree {
+    /// The root is the first.
+    pub(crate) blocks: Vec<Block>,
+    /// ‖Iᴰ‖ of each block's clusters; empty when there is none.
+    pub(crate) parallel: Vec<Lanes>,
+    pub(crate) oriented: bool,
+    /// Power of two that makes the box around all lights about 1 wide: nothing over- or underflows and no bit is lost.
+    scale: f32,
+}
+
+/// Squared distances below this, in units of the box around all lights, count alike: 1/d⁴ stays finite.
+const LEAST_DIST2: f32 = 1e-14;
+
+impl WideTree {
+    /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children, the
+    /// brightest opened first.
+    pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
+        let below = Below::of(tree, lights);
+        let diagonal = tree.diagonal2.sqrt();
+        let scale = if diagonal > 0.0 {
+            2.0f32.powi(-(diagonal.log2().round() as i32).clamp(-60, 60))
+        } else {
+            1.0
+        };
+        let root = tree.node(tree.root());
+        let total = root.intensity + tree.directional_intensity(tree.root()) / (scale * scale);
+        let mut wide = Self {
+            blocks: Vec::with_capacity(tree.light_count() / 4 + 1),
+            parallel: Vec::new(),
+            oriented: !tree.cones.is_empty(),
+            scale,
+        };
+        let share = if total > 0.0 && total.is_finite() {
+            1.0 / total
+        } else {
+            1.0
+        };
+        // Depth first, so that neighbours in space are neighbours in memory.
+        let mut work = vec![(tree.root(), None::<(usize, usize)>)];
+        while let Some((node, parent)) = work.pop() {
+            let index = wide.blocks.len();
+            if let Some((block, lane)) = parent {
+                wide.blocks[block].clusters[lane] = Cluster(index as u32);
+            }
+            let mut block = Block::EMPTY;
+            let mut parallel = [0.0; WIDTH];
+            let members = members(tree, node);
+            for (lane, &member) in members.iter().enumerate() {
+                let node = tree.node(member);
+                let cone = tree.emission(member).as_cosine();
+                for axis in 0..3 {
+                    if node.has_positions() {
+                        block.lo[axis][lane] = node.lo[axis] * scale;
+                        block.hi[axis][lane] = node.hi[axis] * scale;
+                    }
+                    block.axis[axis][lane] = cone.axis[axis];
+                }
+                block.cos[lane] = cone.cos;
+                block.intensity[lane] = node.intensity * share;
+                let (count, radius) = below.node(member);
+                let (radius, diagonal) = (radius * scale, (node.hi - node.lo) * scale);
+                block.radius[lane] = radius;
+                block.near2[lane] = (diagonal.length_squared() / (4.0 * count as f32))
+                    .max(1.5 * radius * radius)
+                    .max(LEAST_DIST2);
+                if !node.has_positions() {
+                    block.near2[lane] = LEAST_DIST2;
+                }
+                parallel[lane] = tree.directional_intensity(member) * share / (scale * scale);
+                if let Some(light) = node.light() {
+                    block.clusters[lane] = Cluster(LIGHT | light.0);
+                }
+            }
+            for (lane, &member) in members.iter().enumerate().rev() {
+                if tree.node(member).light().is_none() {
+                    work.push((member, Some((index, lane))));
+                }
+            }
+            wide.blocks.push(block);
+            if !tree.directional.is_empty() {
+                wide.parallel.push(parallel);
+            }
+        }
+        wide
+    }
+
+    /// Heap memory in bytes.
+    pub fn bytes(&self) -> usize {
+        self.blocks.len() * size_of::<Block>() + self.parallel.len() * size_of::<Lanes>()
+    }
+
+    pub(crate) fn seen(&self, receiver: &Receiver) -> Seen {
+        Seen {
+            position: receiver.position() * self.scale,
+            normal: receiver.normal(),
+        }
+    }
+
+    /// Weights of many blocks' clusters, parallel light apart.
+    pub(crate) fn weigh_all(&self, blocks: &[Block], receiver: &Receiver, out: &mut Vec<Lanes>) {
+        let seen = self.seen(receiver);
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            #[allow(
+                unsafe_code,
+                reason = "the only way to call code for a processor found at run time"
+            )]
+            // SAFETY: the processor has AVX2, as was just asked.
+            unsafe {
+                self.weigh_all_avx2(blocks, &seen, out);
+            }
+            return;
+        }
+        self.weigh_all_with(blocks, &seen, out);
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn weigh_all_avx2(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Lanes>) {
+        self.weigh_all_with(blocks, seen, out);
+    }
+
+    #[inline(always)]
+    fn weigh_all_with(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Lanes>) {
+        if self.oriented {
+            out.extend(blocks.iter().map(|b| b.weigh::<true, false>(seen)));
+        } else {
+            out.extend(blocks.iter().map(|b| b.weigh::<false, false>(seen)));
+        }
+    }
+
+    /// Draws one light for each of the picks, all descending side by side so that the memory latencies of one hide
+    /// behind the others'.
+    pub(crate) fn descend_all(&self, receiver: &Receiver, draws: &mut Draws) {
+        let Draws {
+            picks,
+            lights,
+            dead,
+            descents: Descents(active),
+            ..
+        } = draws;
+        active.clear();
+        for pick in picks.iter() {
+            match pick.cluster.light() {
+                Some(light) => lights.push(Drawn {
+                    light,
+                    expected: pick.expected,
+                }),
+                None => {
+                    self.prefetch(pick.cluster);
+                    active.push(*pick);
+                }
+            }
+        }
+        let seen = self.seen(receiver);
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            #[allow(
+                unsafe_code,
+                reason = "the only way to call code for a processor found at run time"
+            )]
+            // SAFETY: the processor has AVX2, as was just asked.
+            unsafe {
+                self.descend_avx2(receiver, &seen, active, lights, dead);
+            }
+            return;
+        }
+        self.descend(receiver, &seen, active, lights, dead);
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn descend_avx2(
+        &self,
+        receiver: &Receiver,
+        seen: &Seen,
+        active: &mut Vec<Pick>,
+        lights: &mut Vec<Drawn>,
+        dead: &mut u32,
+    ) {
+        self.descend(receiver, seen, active, lights, dead);
+    }
+
+    #[inline(always)]
+    fn descend(
+        &self,
+        receiver: &Receiver,
+        seen: &Seen,
+        active: &mut Vec<Pick>,
+        lights: &mut Vec<Drawn>,
+        dead: &mut u32,
+    ) {
+        while !active.is_empty() {
+            let mut kept = 0;
+            for i in 0..active.len() {
+                let mut pick = active[i];
+                let Some(block) = pick.cluster.block() else {
+                    continue;
+                };
+                let weights = self.weights(block, receiver, seen);
+                let Some((lane, p, u)) = choose(&weights, pick.u) else {
+                    *dead += 1;
+                    continue;
+                };
+                pick.expected *= p;
+                pick.u = u;
+                pick.cluster = self.blocks[block].clusters[lane];
+                match pick.cluster.light() {
+                    // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from
+                    // none.
+                    Some(light) if pick.expected > 0.0 => lights.push(Drawn {
+                        light,
+                        expected: pick.expected,
+                    }),
+                    Some(_) => *dead += 1,
+                    None => {
+                        self.prefetch(pick.cluster);
+                        active[kept] = pick;
+                        kept += 1;
+                    }
+                }
+            }
+            active.truncate(kept);
+        }
+    }
+
+    /// Probability of drawing each light below `root`, by enumeration, and the mass that is lost where nothing can
+    /// light the receiver.
+    #[cfg(test)]
+    pub(crate) fn pmf_below(
+        &self,
+        receiver: &Receiver,
+        root: Cluster,
+    ) -> (Vec<(LightId, f64)>, f64) {
+        let seen = self.seen(receiver);
+        let mut lights = Vec::new();
+        let mut dead = 0.0;
+        let mut stack = vec![(root, 1.0)];
+        while let Some((cluster, pmf)) = stack.pop() {
+            if let Some(light) = cluster.light() {
+                lights.push((light, pmf));
+                continue;
+            }
+            let Some(block) = cluster.block() else {
+                continue;
+            };
+            let weights = self.weights(block, receiver, &seen);
+            let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+            if sum <= 0.0 {
+                dead += pmf;
+                continue;
+            }
+            for (lane, &w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                stack.push((self.blocks[block].clusters[lane], pmf * f64::from(w) / sum));
+            }
+        }
+        (lights, dead)
+    }
+
+    /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
+    pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
+        let mut bounds = if self.oriented {
+            self.blocks[block].weigh::<true, true>(seen)
+        } else {
+            self.blocks[block].weigh::<false, true>(seen)
+        };
+        if let Some(parallel) = self.parallel.get(block) {
+            self.blocks[block].add_parallel(receiver, parallel, &mut bounds);
+        }
+        bounds
+    }
+
+    /// Weights of the clusters of a block.
+    #[inline(always)]
+    pub(crate) fn weights(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
+        let mut weights = if self.oriented {
+            self.blocks[block].weigh::<true, false>(seen)
+        } else {
+            self.blocks[block].weigh::<false, false>(seen)
+        };
+        if let Some(parallel) = self.parallel.get(block) {
+            self.blocks[block].add_parallel(receiver, parallel, &mut weights);
+        }
+        weights
+    }
+
+    /// Asks for the memory that the next step below `cluster` reads: by the time its turn comes it has arrived.
+    #[inline(always)]
+    fn prefetch(&self, cluster: Cluster) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let address = self
+                .blocks
+                .as_ptr()
+                .wrapping_add(cluster.0 as usize)
+                .cast::<i8>();
+            for line in 0..size_of::<Block>() / 64 {
+                #[allow(unsafe_code, reason = "the only way to prefetch")]
+                // SAFETY: a prefetch reads nothing the program can see and never faults.
+                unsafe {
+                    _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line));
+                }
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = cluster;
+    }
+}
+
+/// What the binary tree does not say about the lights below its nodes.
+struct Below {
+    /// Their number and the greatest radius, pair by pair.
+    pairs: Vec<[(u32, f32); 2]>,
+}
+
+impl Below {
+    fn of(tree: &LightTree, lights: &LightSet) -> Self {
+        let mut below = Self {
+            pairs: vec![[(0, 0.0); 2]; tree.pairs.len()],
+        };
+        // Children lie behind their parents.
+        for pair in (0..tree.pairs.len()).rev() {
+            for side in 0..2 {
+                let node = &tree.pairs[pair].0[side];
+                below.pairs[pair][side] = match (node.light(), node.first_child()) {
+                    (Some(light), _) => {
+                        let radius = match lights.kind(light) {
+                            LightKind::Virtual => lights.radius(light),
+                            _ => 0.0,
+                        };
+                        (1, radius)
+                    }
+                    (None, Some(first)) if first.0 > 0 => {
+                        let [a, b] = below.pairs[(first.0 >> 1) as usize];
+                        (a.0 + b.0, a.1.max(b.1))
+                    }
+                    _ => (0, 0.0),
+                };
+            }
+        }
+        below
+    }
+
+    fn node(&self, id: NodeId) -> (u32, f32) {
+        self.pairs[(id.0 >> 1) as usize][(id.0 & 1) as usize]
+    }
+}
+
+/// Descents under way.
+#[derive(Debug, Default)]
+pub(crate) struct Descents(Vec<Pick>);
+
+/// Chooses a lane by its weight with `u`: lane, probability, and the rescaled number; `None` when all are 0.
+#[inline(always)]
+fn choose(weights: &Lanes, u: f64) -> Option<(usize, f64, f64)> {
+    let mut to = [0.0f64; WIDTH];
+    let mut sum = 0.0;
+    for k in 0..WIDTH {
+        sum += f64::from(weights[k]);
+        to[k] = sum;
+    }
+    if sum <= 0.0 {
+        return None;
+    }
+    let t = u * sum;
+    let mut lane = 0;
+    for upper in to {
+        lane += usize::from(upper <= t);
+    }
+    // u · sum may round up to the sum: then the last lane with a weight is meant.
+    if lane == WIDTH {
+        lane = weights.iter().rposition(|&w| w > 0.0)?;
+    }
+    let w = f64::from(weights[lane]);
+    let from = to[lane] - w;
+    Some((lane, w / sum, ((t - from) / w).clamp(0.0, BELOW_ONE)))
+}
+
+/// Up to eight descendants that together are `node`; the node itself when it is a light.
+fn members(tree: &LightTree, node: NodeId) -> Vec<NodeId> {
+    let mut members = vec![node];
+    while members.len() < WIDTH {
+        let size = |id: &NodeId| {
+            let node = tree.node(*id);
+            node.intensity + tree.directional_intensity(*id)
+        };
+        let Some((place, first)) = members
+            .iter()
+            .enumerate()
+            .filter_map(|(place, id)| Some((place, tree.node(*id).first_child()?)))
+            .max_by(|a, b| size(&members[a.0]).total_cmp(&size(&members[b.0])))
+        else {
+            break;
+        };
+        members[place] = first;
+        members.insert(place + 1, NodeId(first.0 + 1));
+    }
+    members
+}
+
+/// Squared distances below this share of the squared diagonal of all lights count alike in a bound, so that one near
+/// light does not claim the whole cut.
+const NEAREST2: f32 = 1e-4;
+/// Weights beyond this are no more than this: their sums stay finite.
+const GREATEST: f32 = 1e30;
+/// Relative slack of reaches, so that rounding never makes a lit box dark.
+const SLACK: f32 = 2e-6;
+/// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
+const COS_SLACK: f32 = 3e-7;
+
+impl Block {
+    /// An estimate of I cos cos / d² of each cluster's lights together, > 0 wherever any of them is above both
+    /// horizons.
+    ///
+    /// Heights above the horizons are spread evenly over the box (and the cone), and the mean of their positive
+    /// parts is taken; the squared distance is the mean over the box.
+    #[inline(always)]
+    pub(crate) fn weigh<const ORIENTED: bool, const BOUND: bool>(&self, seen: &Seen) -> Lanes {
+        let mut dist2 = [0.0f32; WIDTH];
+        let mut least2 = [0.0f32; WIDTH];
+        let mut far2 = [0.0f32; WIDTH];
+        let mut height = [0.0f32; WIDTH];
+        let mut reach = [0.0f32; WIDTH];
+        let mut ahead = [0.0f32; WIDTH];
+        let mut ahead_reach = [0.0f32; WIDTH];
+        for axis in 0..3 {
+            let (p, n) = (seen.position[axis], seen.normal[axis]);
+            for k in 0..WIDTH {
+                let (lo, hi) = (self.lo[axis][k] - p, self.hi[axis][k] - p);
+                let (c, h) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
+                let padded = h + SLACK * (c.abs() + h);
+                dist2[k] += c * c + h * h * (1.0 / 3.0);
+                let near = (c.abs() - h).max(0.0);
+                least2[k] += near * near;
+                let far = c.abs() + padded;
+                far2[k] += far * far;
+                height[k] += n * c;
+                reach[k] += n.abs() * padded;
+                if ORIENTED {
+                    let a = self.axis[axis][k];
+                    ahead[k] -= a * c;
+                    ahead_reach[k] += a.abs() * padded;
+                }
+            }
+        }
+        let mut out = [0.0; WIDTH];
+        for k in 0..WIDTH {
+            // The mean of 1/d² over distances spread evenly from a to b is 1/(ab).
+            let (near2, radius) = (self.near2[k], self.radius[k]);
+            let falloff = if BOUND {
+                1.0 / least2[k].max(1.5 * radius * radius).max(NEAREST2)
+            } else {
+                1.0 / (least2[k].max(near2) * far2[k].max(near2)).sqrt()
+            };
+            let d = 1.0 / dist2[k].max(near2).sqrt();
+            // A sphere is lit by, or sends by way of, more than its centre; dark is what its centre says.
+            let mut alive = (self.intensity[k] > 0.0) & (height[k] + reach[k] > 0.0);
+            let mut w =
+                self.intensity[k] * falloff * (mean_positive(height[k], reach[k] + radius) * d);
+            if ORIENTED {
+                let cos = self.cos[k];
+                let sin = ((1.0 - cos + COS_SLACK) * (1.0 + cos)).max(0.0).sqrt();
+                let sin = if cos <= 0.0 { 1.0 } else { sin };
+                let spread = ahead_reach[k] + sin * far2[k].sqrt();
+                let omni = cos <= -1.0;
+                let emitted = mean_positive(ahead[k], spread + radius) * d;
+                w *= if omni { 1.0 } else { emitted };
+                alive &= omni | (ahead[k] + spread > 0.0);
+            }
+            // However small, a light that is lit can be drawn.
+            out[k] = if alive {
+                w.clamp(f32::MIN_POSITIVE, GREATEST)
+            } else {
+                0.0
+            };
+        }
+        out
+    }
+
+    /// Adds the lights without falloff.
+    #[cold]
+    pub(crate) fn add_parallel(&self, receiver: &Receiver, parallel: &Lanes, weights: &mut Lanes) {
+        for k in 0..WIDTH {
+            if parallel[k] > 0.0 {
+                weights[k] += parallel[k] * receiver.cos_bound_parallel(self.cone(k));
+            }
+        }
+    }
+}
+
+/// Mean of the positive part of what is spread evenly over middle ± reach.
+#[inline(always)]
+fn mean_positive(middle: f32, reach: f32) -> f32 {
+    let top = (middle + reach).max(0.0);
+    if middle >= reach {
+        middle
+    } else {
+        top * top / (4.0 * reach).max(f32::MIN_POSITIVE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::test_lights::{
+        BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
+    };
+
+    fn wide(lights: &LightSet) -> Option<WideTree> {
+        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
+        Some(WideTree::collapse(&tree, lights))
+    }
+
+    #[test]
+    fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
+        arbtest::arbtest(|u| {
+            let lights = any_lights(u)?;
+            let at = any_receiver(u, &lights)?;
+            let Some(tree) = wide(&lights) else {
+                return Ok(());
+            };
+            let (pmfs, dead) = tree.pmf_below(&receiver(at), Cluster(0));
+            let sum: f64 = pmfs.iter().map(|p| p.1).sum::<f64>() + dead;
+            assert!((sum - 1.0).abs() < 1e-9, "sum {sum}");
+            let all: f64 = lights
+                .ids()
+                .map(|id| contribution(&lights, id, at.0, at.1))
+                .sum();
+            // A share of 10⁻²⁵ is beyond what f32 weights tell apart, and beyond any picture.
+            let black = BLACK.max(1e-25 * all);
+            for id in lights.ids() {
+                let lit = contribution(&lights, id, at.0, at.1);
+                let pmf = pmfs.iter().find(|p| p.0 == id).map_or(0.0, |p| p.1);
+                assert!(
+                    lit <= black || pmf > 0.0,
+                    "{id:?} brings {lit} to {at:?}, never drawn"
+                );
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn each_light_lies_in_one_block_and_children_behind_their_parents() {
+        for n in [1, 2, 7, 8, 9, 1000] {
+            let lights = lights_on_walls(n);
+            let tree = wide(&lights).expect("has lights");
+            let mut seen = vec![0; lights.len()];
+            for (i, block) in tree.blocks.iter().enumerate() {
+                for cluster in &block.clusters[..block.len()] {
+                    match (cluster.light(), cluster.block()) {
+                        (Some(light), _) => seen[light.index()] += 1,
+                        (None, Some(child)) => assert!(child > i, "block {child} of {i}"),
+                        (None, None) => unreachable!("a cluster is one or the other"),
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&times| times == 1), "{n} lights: {seen:?}");
+        }
+    }
+
+    #[test]
+    fn wide_and_narrow_instructions_give_the_same_bits() {
+        let lights = lights_on_walls(500);
+        let tree = wide(&lights).expect("has lights");
+        for at in [
+            (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
+            (Vec3::new(-1.0, 0.3, 0.3), Vec3::X),
+        ] {
+            let (mut fast, mut plain) = (Vec::new(), Vec::new());
+            tree.weigh_all(&tree.blocks, &receiver(at), &mut fast);
+            tree.weigh_all_with(&tree.blocks, &tree.seen(&receiver(at)), &mut plain);
+            let bits =
+                |all: &[Lanes]| -> Vec<u32> { all.iter().flatten().map(|w| w.to_bits()).collect() };
+            assert!(bits(&fast) == bits(&plain), "at {at:?}");
+        }
+    }
+
+    #[test]
+    fn scaling_the_scene_by_powers_of_two_keeps_every_weight() {
+        let place = |i: u32| {
+            Vec3::new(
+                (i * 7 % 13) as f32,
+                (i * 5 % 11) as f32 + 1.0,
+                (i % 3) as f32,
+            )
+        };
+        let weights = |scale: f32| {
+            let mut set = LightSet::default();
+            for i in 0..40 {
+                set.push_point(
+                    place(i) * scale,
+                    Vec3::splat((1 + i % 4) as f32) * scale * scale,
+                );
+            }
+            let mut out = Vec::new();
+            let tree = wide(&set).expect("has lights");
+            tree.weigh_all(&tree.blocks, &receiver((Vec3::ZERO, Vec3::Y)), &mut out);
+            out
+        };
+        for k in [-30, -7, 9, 30] {
+            assert_eq!(weights(2.0f32.powi(k)), weights(1.0), "at 2^{k}");
+        }
+    }
+
+    #[test]
+    fn extreme_numbers_never_choose_a_lane_of_weight_zero() {
+        let tiny = f32::from_bits(1);
+        for weights in [
+            [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, tiny, 0.0, 1.0, 0.0, tiny, 0.0, 0.0],
+            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-38],
+            [1e38, 0.0, 0.0, tiny, 0.0, 0.0, 0.0, 0.0],
+        ] {
+            for u in [0.0, 1e-300, 0.5, 1.0 - 1e-9, BELOW_ONE] {
+                let (lane, p, rest) = choose(&weights, u).expect("something is lit");
+                assert!(
+                    weights[lane] > 0.0 && p > 0.0,
+                    "{weights:?} {u}: lane {lane}"
+                );
+                assert!((0.0..1.0).contains(&rest), "{weights:?} {u}: {rest}");
+            }
+        }
+        assert!(choose(&[0.0; WIDTH], 0.5).is_none(), "all dark");
+    }
+}
