@@ -348,7 +348,7 @@ impl Job {
     pub(crate) fn memory(&self) -> u64 {
         // Per pixel: running statistics and features of the film (130), the finished picture (60), copies of
         // it while it is written (60). Per virtual light: traced twice over while chunks are joined (150), the
-        // set (110), the tree (96), its eight-way form (90), the build's copy (32).
+        // set (50), the tree (105), its eight-way form (140), the build's copy (32).
         const PIXEL: u64 = 250;
         const LIGHT: u64 = 480;
         let lights = match self.lights {
