@@ -3,6 +3,7 @@
 use glam::DVec3;
 use sampling::{Purpose, Rng, uniform_sphere};
 
+use super::width::Four;
 use super::*;
 use crate::{MaterialId, Mesh};
 
@@ -311,23 +312,98 @@ fn a_mapped_hole_lets_rays_through_and_its_surround_does_not() {
 }
 
 #[test]
-fn thousands_of_nearly_coincident_triangles_are_traced() {
-    let mut positions = Vec::new();
-    let mut indices = Vec::new();
-    for i in 0..3000u32 {
-        let s = 1.0 + i as f32 * 1e-6;
-        positions.extend([
+fn wide_and_narrow_instructions_give_the_same_bits() {
+    let scene = soup(5000);
+    let tracer = Tracer::build(&scene);
+    let rays = rays_through(&scene, 5000);
+    let bits =
+        |hit: Option<Hit>| hit.map(|h| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits()));
+    for ray in &rays {
+        assert_eq!(
+            bits(tracer.closest(ray)),
+            bits(tracer.closest_with(Four, ray)),
+            "closest hit of {ray:?}"
+        );
+        assert_eq!(
+            tracer.is_occluded(ray),
+            tracer.is_occluded_with(Four, ray),
+            "occlusion of {ray:?}"
+        );
+    }
+    let (mut wide, mut narrow) = (vec![false; rays.len()], vec![false; rays.len()]);
+    tracer.occluded(&rays, &mut wide, &mut OcclusionScratch::default());
+    tracer.occluded_with(Four, &rays, &mut narrow, &mut OcclusionScratch::default());
+    assert!(wide == narrow, "queued rays");
+    let hits = wide.iter().filter(|hit| **hit).count();
+    assert!(
+        hits > 500 && hits < 4500,
+        "{hits} hits of 5000: both answers are compared"
+    );
+}
+
+/// Builders that join neighbours take quadratic time on these: many minutes.
+#[test]
+fn a_hundred_thousand_triangles_upon_one_another_or_in_one_fan_are_built_in_seconds() {
+    const COUNT: u32 = 100_000;
+    fn concentric(i: u32) -> [Vec3; 3] {
+        let s = 1.0 + i as f32 * 1e-5;
+        [
             Vec3::new(-s, -s, 0.0),
             Vec3::new(s, -s, 0.0),
             Vec3::new(0.0, s, 0.0),
-        ]);
-        indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        ]
     }
-    let tracer = Tracer::build(&scene_of(positions, indices));
-    let ray = Ray {
-        origin: Vec3::Z,
-        direction: Vec3::NEG_Z,
-        t_max: f32::INFINITY,
+    fn sliver(i: u32) -> [Vec3; 3] {
+        let x = -1.0 + 2.0 * i as f32 / COUNT as f32;
+        [
+            Vec3::new(0.0, 1.0, 0.0),
+            Vec3::new(x, -1.0, 0.0),
+            Vec3::new(x + 3e-5, -1.0, 0.0),
+        ]
+    }
+    type Corners = fn(u32) -> [Vec3; 3];
+    let piles: [(&str, Corners); 3] = [
+        ("the same triangle", |_| concentric(0)),
+        ("concentric triangles", concentric),
+        ("slivers", sliver),
+    ];
+    for (name, corners) in piles {
+        let scene = scene_of(
+            (0..COUNT).flat_map(corners).collect(),
+            (0..COUNT).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        );
+        let started = std::time::Instant::now();
+        let tracer = Tracer::build(&scene);
+        // A tenth of a second on an idle machine.
+        let seconds = started.elapsed().as_secs_f32();
+        assert!(seconds < 20.0, "{name}: {seconds} s");
+        assert_eq!(tracer.triangle_count(), COUNT as usize, "{name}");
+        for (x, y, expected) in [(0.0, 0.0, true), (0.3, -0.5, true), (0.0, 3.0, false)] {
+            let ray = Ray {
+                origin: Vec3::new(x, y, 1.0),
+                direction: Vec3::NEG_Z,
+                t_max: f32::INFINITY,
+            };
+            assert_eq!(tracer.is_occluded(&ray), expected, "{name} at {x}, {y}");
+            assert_eq!(
+                tracer.closest(&ray).is_some(),
+                expected,
+                "{name} at {x}, {y}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_hierarchy_is_the_same_for_any_number_of_threads() {
+    let scene = soup(20_000);
+    let built = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads start");
+        let tracer = pool.install(|| Tracer::build(&scene));
+        format!("{:?}", tracer.bvh)
     };
-    assert!(tracer.is_occluded(&ray), "the pile stops a ray");
+    assert!(built(1) == built(3), "nodes and blocks");
 }

@@ -1,0 +1,136 @@
+//! The two steps of a traversal that depend on what the processor can do.
+//!
+//! Both forms do the same arithmetic in the same order, without fused multiplication: answers are the same to the bit.
+
+use glam::Vec4;
+
+use super::bvh8::{Lanes, Node8, NodeRay, Stack, WIDTH};
+
+/// How wide the processor's vectors are. A traversal is compiled once for each.
+pub(crate) trait Width: Copy {
+    /// The children that the ray meets before `t_max`, bit by bit, and how far away; what `near` holds for others
+    /// means nothing.
+    fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32;
+
+    /// Puts the links of the children in `mask` on the stack, in their order, and returns its new height.
+    fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize;
+}
+
+/// For each mask the numbers of its bits, the lowest first.
+static BITS: [[u8; WIDTH]; 256] = {
+    let mut bits = [[0; WIDTH]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut k, mut n) = (0, 0);
+        while k < WIDTH {
+            if mask >> k & 1 == 1 {
+                bits[mask][n] = k as u8;
+                n += 1;
+            }
+            k += 1;
+        }
+        mask += 1;
+    }
+    bits
+};
+
+/// Vectors of four: what every x86-64 and AArch64 processor has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Four;
+
+impl Width for Four {
+    #[inline(always)]
+    fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
+        let mut mask = 0;
+        for half in 0..2 {
+            let row = |r: usize| Vec4::from_slice(&node.bounds[r][4 * half..]);
+            let (mut from, mut to) = (Vec4::ZERO, Vec4::splat(t_max));
+            for axis in 0..3 {
+                let origin = Vec4::splat(ray.origin[axis]);
+                let entry = (row(ray.entry[axis]) - origin) * Vec4::splat(ray.inverse[axis]);
+                let exit = (row(ray.exit[axis]) - origin) * Vec4::splat(ray.far_inverse[axis]);
+                (from, to) = (entry.max(from), exit.min(to));
+            }
+            from.write_to_slice(&mut near[4 * half..]);
+            mask |= from.cmple(to).bitmask() << (4 * half);
+        }
+        mask
+    }
+
+    #[inline(always)]
+    fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize {
+        let order = &BITS[mask as usize & 255];
+        // All eight are written, whatever the mask: no branch to mispredict.
+        for (to, &k) in stack[top..top + WIDTH].iter_mut().zip(order) {
+            *to = node.links[k as usize & (WIDTH - 1)];
+        }
+        top + mask.count_ones() as usize
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use eight::Eight;
+
+#[cfg(target_arch = "x86_64")]
+mod eight {
+    #![allow(
+        unsafe_code,
+        reason = "the only way to use instructions of a processor found at run time"
+    )]
+
+    use std::arch::x86_64::*;
+
+    use super::{BITS, Lanes, Node8, NodeRay, Stack, WIDTH, Width};
+
+    /// AVX2: vectors of eight. A value of it is the proof that the processor has it.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Eight(());
+
+    impl Eight {
+        /// `None` where the processor lacks any of `avx2`, `bmi1` and `popcnt`.
+        #[inline(always)]
+        pub(crate) fn detect() -> Option<Self> {
+            (is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("popcnt"))
+            .then_some(Self(()))
+        }
+    }
+
+    impl Width for Eight {
+        #[inline(always)]
+        fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
+            // SAFETY: `self` proves AVX2; rows are 32 bytes at multiples of 32 in a node aligned to 64, and `near` holds
+            // eight numbers.
+            unsafe {
+                let row = |r: usize| _mm256_load_ps(node.bounds[r].as_ptr());
+                let (mut from, mut to) = (_mm256_setzero_ps(), _mm256_set1_ps(t_max));
+                for axis in 0..3 {
+                    let origin = _mm256_set1_ps(ray.origin[axis]);
+                    let entry = _mm256_sub_ps(row(ray.entry[axis]), origin);
+                    let exit = _mm256_sub_ps(row(ray.exit[axis]), origin);
+                    let entry = _mm256_mul_ps(entry, _mm256_set1_ps(ray.inverse[axis]));
+                    let exit = _mm256_mul_ps(exit, _mm256_set1_ps(ray.far_inverse[axis]));
+                    from = _mm256_max_ps(entry, from);
+                    to = _mm256_min_ps(exit, to);
+                }
+                _mm256_storeu_ps(near.as_mut_ptr(), from);
+                _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
+            }
+        }
+
+        #[inline(always)]
+        fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize {
+            let order = &BITS[mask as usize & 255];
+            let to = &mut stack[top..top + WIDTH];
+            // SAFETY: `self` proves AVX2; `order` has eight bytes, `links` 32, and `to` room for eight numbers.
+            unsafe {
+                let order = _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()));
+                let links = _mm256_loadu_si256(node.links.as_ptr().cast());
+                let packed = _mm256_permutevar8x32_epi32(links, order);
+                _mm256_storeu_si256(to.as_mut_ptr().cast(), packed);
+            }
+            top + mask.count_ones() as usize
+        }
+    }
+}
