@@ -50,7 +50,8 @@ pub(crate) struct Block {
     intensity: Lanes,
     /// Greatest radius of the spheres.
     radius: Lanes,
-    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them.
+    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them, and no less
+    /// than what the smallest of the spheres counts as.
     near2: Lanes,
     pub(crate) clusters: [Cluster; WIDTH],
 }
@@ -164,11 +165,12 @@ impl WideTree {
                 }
                 block.cos[lane] = cone.cos;
                 block.intensity[lane] = node.intensity * share;
-                let (count, radius) = below.node(member);
-                let (radius, diagonal) = (radius * scale, (node.hi - node.lo) * scale);
-                block.radius[lane] = radius;
+                let Beneath { count, radii } = below.node(member);
+                let [least, greatest] = radii.map(|radius| radius * scale);
+                let diagonal = (node.hi - node.lo) * scale;
+                block.radius[lane] = greatest;
                 block.near2[lane] = (diagonal.length_squared() / (4.0 * count as f32))
-                    .max(1.5 * radius * radius)
+                    .max(1.5 * least * least)
                     .max(LEAST_DIST2);
                 if !node.has_positions() {
                     block.near2[lane] = LEAST_DIST2;
@@ -419,14 +421,21 @@ impl WideTree {
 
 /// What the binary tree does not say about the lights below its nodes.
 struct Below {
-    /// Their number and the greatest radius, pair by pair.
-    pairs: Vec<[(u32, f32); 2]>,
+    pairs: Vec<[Beneath; 2]>,
+}
+
+/// Lights below a node.
+#[derive(Debug, Clone, Copy, Default)]
+struct Beneath {
+    count: u32,
+    /// Least and greatest radius of their spheres.
+    radii: [f32; 2],
 }
 
 impl Below {
     fn of(tree: &LightTree, lights: &LightSet) -> Self {
         let mut below = Self {
-            pairs: vec![[(0, 0.0); 2]; tree.pairs.len()],
+            pairs: vec![[Beneath::default(); 2]; tree.pairs.len()],
         };
         // Children lie behind their parents.
         for pair in (0..tree.pairs.len()).rev() {
@@ -438,20 +447,26 @@ impl Below {
                             LightKind::Virtual => lights.radius(light),
                             _ => 0.0,
                         };
-                        (1, radius)
+                        Beneath {
+                            count: 1,
+                            radii: [radius; 2],
+                        }
                     }
                     (None, Some(first)) if first.0 > 0 => {
                         let [a, b] = below.pairs[(first.0 >> 1) as usize];
-                        (a.0 + b.0, a.1.max(b.1))
+                        Beneath {
+                            count: a.count + b.count,
+                            radii: [a.radii[0].min(b.radii[0]), a.radii[1].max(b.radii[1])],
+                        }
                     }
-                    _ => (0, 0.0),
+                    _ => Beneath::default(),
                 };
             }
         }
         below
     }
 
-    fn node(&self, id: NodeId) -> (u32, f32) {
+    fn node(&self, id: NodeId) -> Beneath {
         self.pairs[(id.0 >> 1) as usize][(id.0 & 1) as usize]
     }
 }
