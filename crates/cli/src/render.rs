@@ -80,11 +80,9 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     let started = Instant::now();
     render.prepare();
     seconds.tree = started.elapsed().as_secs_f64();
-    if let Some(tree) = prepared.lights.inputs.built_tree() {
+    if let Some((nodes, depth)) = prepared.lights.inputs.tree_size() {
         progress.line(&format!(
-            "light tree: {} nodes, depth {}, {:.2} s",
-            tree.node_count(),
-            tree.depth(),
+            "light tree: {nodes} nodes, depth {depth}, {:.2} s",
             seconds.tree
         ));
     }

