@@ -7,8 +7,8 @@ use crate::{ABSENT, LoadNotes, Mesh};
 /// A triangle lower than this part of its longest edge has no area: `f32` cannot tell its normal.
 const FLATTEST: f64 = 1e-9;
 
-/// Drops triangles without area and all but the first of triangles with the same three positions (rays would
-/// test each of them), and attribute arrays that nobody uses.
+/// Drops triangles without area and all but the first of triangles with the same three positions (builders
+/// of bounding volume hierarchies take quadratic time on those), and attribute arrays that nobody uses.
 pub(super) fn weed(mesh: &mut Mesh, notes: &mut LoadNotes) {
     let flat: Vec<bool> = (0..mesh.len()).map(|t| is_flat(mesh.corners(t))).collect();
     let repeated = repeats(mesh, &flat);

@@ -1,10 +1,12 @@
-//! Building the hierarchy: top-down, each division by binned surface area heuristic.
-//!
-//! Source: Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies". Whatever the triangles (one upon
-//! another, slivers, a million in one point), the time is bounded by a fixed number of passes over them, and so
-//! is the depth.
+//! Building the hierarchy: obvhs' binary one, collapsed to eight boxes a node and four triangles a block.
 
-use glam::{Vec3, Vec3A};
+use std::time::Duration;
+
+use glam::Vec3A;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
 use super::bvh8::{Bvh8, Node8, WIDTH};
@@ -12,308 +14,274 @@ use super::cutout::Cutouts;
 use super::triangle::{BLOCK, TriangleBlock};
 use crate::Mesh;
 
-/// Bins along each axis.
-const BINS: usize = 16;
-/// Levels that are divided by the heuristic. Good trees have fewer; what is left below is divided evenly.
-const HEURISTIC_LEVELS: usize = 24;
-/// Levels that even division by eight needs at most.
+/// Levels that are taken from the binary tree.
+const COLLAPSED_LEVELS: usize = 40;
+/// Levels that an even division by eight needs at most.
 const EVEN_LEVELS: usize = 11;
 /// Nodes on the way to any block.
-pub(crate) const MAX_DEPTH: usize = HEURISTIC_LEVELS + EVEN_LEVELS;
-/// Fewer triangles are not worth another task.
-const SEQUENTIAL: usize = 4096;
+pub(super) const MAX_DEPTH: usize = COLLAPSED_LEVELS + EVEN_LEVELS;
 
-/// An axis-parallel box; empty when `lo` > `hi`.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
-    pub(crate) lo: Vec3A,
-    pub(crate) hi: Vec3A,
-}
-
-impl Bounds {
-    const EMPTY: Self = Self {
-        lo: Vec3A::INFINITY,
-        hi: Vec3A::NEG_INFINITY,
-    };
-
-    fn of(corners: [Vec3; 3]) -> Self {
-        let [a, b, c] = corners.map(Vec3A::from);
-        Self {
-            lo: a.min(b).min(c),
-            hi: a.max(b).max(c),
-        }
-    }
-
-    #[inline]
-    fn union(self, other: Self) -> Self {
-        Self {
-            lo: self.lo.min(other.lo),
-            hi: self.hi.max(other.hi),
-        }
-    }
-
-    /// Half of the surface area; not finite for an empty box, which is never the better choice.
-    #[inline]
-    fn half_area(&self) -> f32 {
-        let d = self.hi - self.lo;
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-}
-
-/// A triangle to be placed.
-#[derive(Debug, Clone, Copy)]
-struct Reference {
-    bounds: Bounds,
-    triangle: u32,
-}
-
-impl Reference {
-    /// Twice the middle of the box.
-    #[inline]
-    fn centre(&self) -> Vec3A {
-        self.bounds.lo + self.bounds.hi
-    }
-}
-
-/// Triangles that lie side by side, and their common box.
-struct Part<'a> {
-    references: &'a mut [Reference],
-    bounds: Bounds,
-}
-
-/// What becomes of a part.
-enum Subtree {
-    Block(Vec<u32>),
-    Node(Vec<(Bounds, Subtree)>),
-}
+/// Triangles lie upon one another when the middles of their boxes fall into the same of so many parts of the scene's extent.
+const PARTS: f32 = 65_536.0;
+/// More than so many upon one another are one primitive to the builder, whose time is quadratic in the size of a pile.
+const PILE: usize = 64;
 
 impl Bvh8 {
-    /// The hierarchy of all triangles that rays can meet: the same for any number of threads.
+    /// The hierarchy of all triangles that rays can meet.
     pub(crate) fn build(mesh: &Mesh, cutouts: &Cutouts) -> Self {
-        let mut references: Vec<Reference> = (0..mesh.len())
-            .filter(|&t| !cutouts.is_gone(t))
-            .map(|t| Reference {
-                bounds: Bounds::of(mesh.corners(t)),
-                triangle: t as u32,
-            })
+        let triangles: Vec<u32> = (0..mesh.len() as u32)
+            .filter(|&t| !cutouts.is_gone(t as usize))
             .collect();
-        if references.is_empty() {
+        if triangles.is_empty() {
             return Self::default();
         }
-        let mut bvh = Self {
-            triangle_count: references.len(),
-            ..Self::default()
+        let mut build = Build {
+            mesh,
+            cutouts,
+            primitives: Primitives::of(mesh, triangles),
+            bvh: Self::default(),
         };
-        bvh.nodes.push(Node8::EMPTY);
-        // Nodes to fill, depth first, with children side by side: neighbours in space are neighbours in memory.
-        let mut work = vec![(0usize, children(Part::of(&mut references), 0))];
-        while let Some((index, children)) = work.pop() {
-            for (slot, (bounds, subtree)) in children.into_iter().enumerate() {
-                let link = match subtree {
-                    Subtree::Block(triangles) => {
-                        let mut block = TriangleBlock::EMPTY;
-                        for (k, &t) in triangles.iter().enumerate() {
-                            let corners = mesh.corners(t as usize);
-                            block.set(k, corners, t, cutouts.is_mapped(t as usize));
-                        }
-                        bvh.push_block(block)
-                    }
-                    Subtree::Node(children) => {
-                        bvh.nodes.push(Node8::EMPTY);
-                        let child = bvh.nodes.len() - 1;
-                        work.push((child, children));
-                        child as u32
-                    }
-                };
-                bvh.nodes[index].set(slot, &bounds, link);
-            }
+        let boxes = build.boxes();
+        let params = BvhBuildParams {
+            max_prims_per_leaf: BLOCK as u32,
+            ..BvhBuildParams::medium_build()
+        };
+        let binary = on_a_deep_stack(|| build_bvh2(&boxes, params, &mut Duration::default()));
+        if build.collapse(&binary).is_none() {
+            // The tree of some input is a chain.
+            build.bvh = Self::default();
+            let order = binary.primitive_indices.iter();
+            let triangles: Vec<u32> = order
+                .flat_map(|&p| build.primitives.triangles(p))
+                .copied()
+                .collect();
+            build.evenly(&triangles);
         }
-        bvh
+        build.bvh.triangle_count = build.primitives.triangles.len();
+        build.bvh
     }
 }
 
-/// Divides a part into up to eight, and those in turn. The one of greatest area is divided first.
-fn children(part: Part<'_>, level: usize) -> Vec<(Bounds, Subtree)> {
-    let many = part.references.len() > SEQUENTIAL;
-    let mut parts = vec![part];
-    if level >= HEURISTIC_LEVELS {
-        parts = parts.remove(0).evenly();
+/// The builder calls itself level by level, and a fan of slivers becomes a chain.
+fn on_a_deep_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    // Address space; memory is taken as deep as it is used.
+    let thread = std::thread::Builder::new().stack_size(1 << 28);
+    std::thread::scope(|scope| match thread.spawn_scoped(scope, work) {
+        Ok(thread) => match thread.join() {
+            Ok(done) => done,
+            Err(panic) => std::panic::resume_unwind(panic),
+        },
+        Err(error) => panic!("no thread for the ray tracer's build: {error}"),
+    })
+}
+
+fn bounds(mesh: &Mesh, triangle: u32) -> Aabb {
+    let [a, b, c] = mesh.corners(triangle as usize).map(Vec3A::from);
+    Aabb::new(a.min(b).min(c), a.max(b).max(c))
+}
+
+/// What the builder sees: triangles, and piles of them.
+struct Primitives {
+    triangles: Vec<u32>,
+    /// Where each primitive's triangles begin, and where the last one's end.
+    starts: Vec<u32>,
+}
+
+impl Primitives {
+    fn of(mesh: &Mesh, triangles: Vec<u32>) -> Self {
+        let centres: Vec<Vec3A> = triangles
+            .iter()
+            .map(|&t| bounds(mesh, t).center())
+            .collect();
+        let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (lo, hi) = centres
+            .iter()
+            .fold(nothing, |(lo, hi), &c| (lo.min(c), hi.max(c)));
+        let scale = PARTS / (hi - lo).max(Vec3A::splat(f32::MIN_POSITIVE));
+        let part = |centre: Vec3A| ((centre - lo) * scale).as_uvec3().to_array();
+        let mut sorted: Vec<([u32; 3], u32)> =
+            centres.into_iter().map(part).zip(triangles).collect();
+        sorted.par_sort_unstable();
+        let mut primitives = Self {
+            triangles: Vec::with_capacity(sorted.len()),
+            starts: Vec::with_capacity(sorted.len() + 1),
+        };
+        for pile in sorted.chunk_by(|a, b| a.0 == b.0) {
+            for (i, &(_, triangle)) in pile.iter().enumerate() {
+                if i == 0 || pile.len() <= PILE {
+                    primitives.starts.push(primitives.triangles.len() as u32);
+                }
+                primitives.triangles.push(triangle);
+            }
+        }
+        primitives.starts.push(primitives.triangles.len() as u32);
+        primitives
     }
-    while parts.len() < WIDTH {
-        let Some(widest) = (0..parts.len())
-            .filter(|&i| parts[i].references.len() > BLOCK)
-            .max_by(|&a, &b| {
-                let area = |i: usize| parts[i].bounds.half_area();
-                area(a).total_cmp(&area(b))
+
+    fn triangles(&self, primitive: u32) -> &[u32] {
+        let at = primitive as usize;
+        &self.triangles[self.starts[at] as usize..self.starts[at + 1] as usize]
+    }
+}
+
+/// A node of the binary tree and what is below it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Member {
+    node: u32,
+    /// Where its primitives begin among the tree's indices, and how many they are.
+    first: u32,
+    primitives: u32,
+    triangles: u32,
+}
+
+/// A hierarchy under construction.
+struct Build<'a> {
+    mesh: &'a Mesh,
+    cutouts: &'a Cutouts,
+    primitives: Primitives,
+    bvh: Bvh8,
+}
+
+impl Build<'_> {
+    fn boxes(&self) -> Vec<Aabb> {
+        let count = self.primitives.starts.len() as u32 - 1;
+        (0..count)
+            .map(|p| self.bounds(self.primitives.triangles(p)))
+            .collect()
+    }
+
+    fn bounds(&self, triangles: &[u32]) -> Aabb {
+        triangles
+            .iter()
+            .fold(Aabb::empty(), |all, &t| all.union(&bounds(self.mesh, t)))
+    }
+
+    fn push_node(&mut self) -> u32 {
+        self.bvh.nodes.push(Node8::EMPTY);
+        self.bvh.nodes.len() as u32 - 1
+    }
+
+    fn push_block(&mut self, triangles: impl Iterator<Item = u32>) -> u32 {
+        let mut block = TriangleBlock::EMPTY;
+        for (k, t) in triangles.enumerate() {
+            let corners = self.mesh.corners(t as usize);
+            block.set(k, corners, t, self.cutouts.is_mapped(t as usize));
+        }
+        self.bvh.push_block(block)
+    }
+
+    /// Turns the binary tree into a wide one; `None` when that is too deep for the traversal stacks.
+    fn collapse(&mut self, binary: &Bvh2) -> Option<()> {
+        let all = self.members(binary);
+        let root = self.push_node();
+        // (wide node to fill, its binary nodes, depth)
+        let mut work = vec![(root, widest(binary, &all, 0), 1)];
+        while let Some((wide, members, depth)) = work.pop() {
+            if depth > COLLAPSED_LEVELS {
+                return None;
+            }
+            for (slot, member) in members.iter().enumerate() {
+                let node = &binary.nodes[member.node as usize];
+                let places = member.first as usize..(member.first + member.primitives) as usize;
+                let indices = &binary.primitive_indices[places];
+                let triangles = || {
+                    let primitives = indices.iter().map(|&p| self.primitives.triangles(p));
+                    primitives.flatten().copied().collect::<Vec<u32>>()
+                };
+                let link = if member.triangles as usize <= BLOCK {
+                    let triangles = triangles();
+                    self.push_block(triangles.into_iter())
+                } else if node.is_leaf() {
+                    let triangles = triangles();
+                    self.evenly(&triangles)
+                } else {
+                    let child = self.push_node();
+                    work.push((child, widest(binary, &all, member.node), depth + 1));
+                    child
+                };
+                let bounds = node.aabb();
+                self.bvh.nodes[wide as usize].set(slot, bounds.min, bounds.max, link);
+            }
+        }
+        Some(())
+    }
+
+    /// What is below each node.
+    fn members(&self, binary: &Bvh2) -> Vec<Member> {
+        let mut members = vec![Member::default(); binary.nodes.len()];
+        // Each node is met twice, the second time when all below it is known: a chain may be deeper than the thread's stack.
+        let mut work = vec![(0u32, false)];
+        while let Some((node, is_known)) = work.pop() {
+            let n = &binary.nodes[node as usize];
+            let first = n.first_index;
+            members[node as usize] = if n.is_leaf() {
+                let places = first as usize..(first + n.prim_count) as usize;
+                let count = |&p: &u32| self.primitives.triangles(p).len() as u32;
+                Member {
+                    node,
+                    first,
+                    primitives: n.prim_count,
+                    triangles: binary.primitive_indices[places].iter().map(count).sum(),
+                }
+            } else if is_known {
+                let [a, b] = [first, first + 1].map(|child| members[child as usize]);
+                Member {
+                    node,
+                    first: a.first.min(b.first),
+                    primitives: a.primitives + b.primitives,
+                    triangles: a.triangles + b.triangles,
+                }
+            } else {
+                work.extend([(node, true), (first, false), (first + 1, false)]);
+                continue;
+            };
+        }
+        members
+    }
+
+    /// Adds an 8-ary tree over `triangles` in their order, of logarithmic depth wherever they are, and returns the link to it.
+    #[cold]
+    fn evenly(&mut self, triangles: &[u32]) -> u32 {
+        let root = self.push_node();
+        let mut work = vec![(root, 0..triangles.len())];
+        while let Some((wide, range)) = work.pop() {
+            let step = range.len().div_ceil(WIDTH).max(BLOCK);
+            for (slot, from) in range.clone().step_by(step).enumerate() {
+                let part = from..(from + step).min(range.end);
+                let bounds = self.bounds(&triangles[part.clone()]);
+                let link = if part.len() <= BLOCK {
+                    self.push_block(triangles[part].iter().copied())
+                } else {
+                    let child = self.push_node();
+                    work.push((child, part));
+                    child
+                };
+                self.bvh.nodes[wide as usize].set(slot, bounds.min, bounds.max, link);
+            }
+        }
+        root
+    }
+}
+
+/// Up to eight binary nodes that together cover `node`: the largest that no block holds is opened until none fits.
+fn widest(binary: &Bvh2, all: &[Member], node: u32) -> Vec<Member> {
+    let mut members = vec![all[node as usize]];
+    while members.len() < WIDTH {
+        let node = |m: &Member| &binary.nodes[m.node as usize];
+        let Some((slot, &open)) = members
+            .iter()
+            .enumerate()
+            .filter(|(_, m)| m.triangles as usize > BLOCK && !node(m).is_leaf())
+            .max_by(|a, b| {
+                let area = |m| node(m).aabb().half_area();
+                area(a.1).total_cmp(&area(b.1))
             })
         else {
             break;
         };
-        let (left, right) = parts.swap_remove(widest).divide();
-        parts.extend([left, right]);
+        let first = node(&open).first_index as usize;
+        members[slot] = all[first];
+        members.push(all[first + 1]);
     }
-    let subtree = |part: Part<'_>| {
-        let bounds = part.bounds;
-        let subtree = if part.references.len() <= BLOCK {
-            Subtree::Block(part.references.iter().map(|r| r.triangle).collect())
-        } else {
-            Subtree::Node(children(part, level + 1))
-        };
-        (bounds, subtree)
-    };
-    if many {
-        parts.into_par_iter().map(subtree).collect()
-    } else {
-        parts.into_iter().map(subtree).collect()
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Bin {
-    bounds: Bounds,
-    count: usize,
-}
-
-impl Bin {
-    const EMPTY: Self = Self {
-        bounds: Bounds::EMPTY,
-        count: 0,
-    };
-
-    #[inline]
-    fn with(self, other: Self) -> Self {
-        Self {
-            bounds: self.bounds.union(other.bounds),
-            count: self.count + other.count,
-        }
-    }
-
-    /// Cost of tracing what is in the bin: full blocks cost as much as half empty ones.
-    fn cost(&self) -> f32 {
-        self.bounds.half_area() * self.count.div_ceil(BLOCK) as f32
-    }
-}
-
-/// Where a part is to be divided: `bin` is the last of the first half.
-#[derive(Clone, Copy)]
-struct Division {
-    axis: usize,
-    bin: usize,
-}
-
-/// Which bin a centre lies in, along each axis.
-#[derive(Clone, Copy)]
-struct Binning {
-    lo: Vec3A,
-    scale: Vec3A,
-}
-
-impl Binning {
-    /// A centre that is not finite, or an extent too small to be divided, falls into the first or the last bin.
-    #[inline]
-    fn bins(&self, reference: &Reference) -> [usize; 3] {
-        let position = (reference.centre() - self.lo) * self.scale;
-        let position = position.min(Vec3A::splat(BINS as f32 - 1.0));
-        [
-            position.x as usize,
-            position.y as usize,
-            position.z as usize,
-        ]
-        .map(|bin| bin.min(BINS - 1))
-    }
-}
-
-impl<'a> Part<'a> {
-    fn of(references: &'a mut [Reference]) -> Self {
-        let bounds = references
-            .iter()
-            .fold(Bounds::EMPTY, |b, r| b.union(r.bounds));
-        Self { references, bounds }
-    }
-
-    /// Two parts of less cost together than any other two that the bins allow; halves, where nothing tells the
-    /// triangles apart.
-    fn divide(self) -> (Self, Self) {
-        let (lo, hi) = self.centres();
-        let binning = Binning {
-            lo,
-            scale: Vec3A::splat(BINS as f32) / (hi - lo),
-        };
-        let references = self.references;
-        let middle = match best_division(references, &binning) {
-            Some(division) => partition(references, |r| {
-                binning.bins(r)[division.axis] <= division.bin
-            }),
-            None => references.len() / 2,
-        };
-        let (left, right) = references.split_at_mut(middle);
-        (Self::of(left), Self::of(right))
-    }
-
-    /// Up to eight parts of about the same number of triangles, along the widest axis.
-    fn evenly(self) -> Vec<Self> {
-        let (lo, hi) = self.centres();
-        let axis = (hi - lo).max_position();
-        self.references.sort_unstable_by(|a, b| {
-            let (x, y) = (a.centre()[axis], b.centre()[axis]);
-            x.total_cmp(&y).then(a.triangle.cmp(&b.triangle))
-        });
-        let step = self.references.len().div_ceil(WIDTH).max(BLOCK);
-        self.references.chunks_mut(step).map(Self::of).collect()
-    }
-
-    /// The box around the centres.
-    fn centres(&self) -> (Vec3A, Vec3A) {
-        let start = (Bounds::EMPTY.lo, Bounds::EMPTY.hi);
-        self.references.iter().fold(start, |(lo, hi), r| {
-            (lo.min(r.centre()), hi.max(r.centre()))
-        })
-    }
-}
-
-/// The cheapest division; `None` where all fall into one bin or no cost is finite.
-fn best_division(references: &[Reference], binning: &Binning) -> Option<Division> {
-    let mut bins = [[Bin::EMPTY; BINS]; 3];
-    for reference in references {
-        for (axis, bin) in binning.bins(reference).into_iter().enumerate() {
-            let bin = &mut bins[axis][bin];
-            bin.bounds = bin.bounds.union(reference.bounds);
-            bin.count += 1;
-        }
-    }
-    let mut best = None;
-    let mut least = f32::INFINITY;
-    for (axis, bins) in bins.iter().enumerate() {
-        // Of all bins from each one on.
-        let mut rest = [Bin::EMPTY; BINS + 1];
-        for i in (0..BINS).rev() {
-            rest[i] = rest[i + 1].with(bins[i]);
-        }
-        let mut left = Bin::EMPTY;
-        for bin in 0..BINS - 1 {
-            left = left.with(bins[bin]);
-            let right = &rest[bin + 1];
-            if left.count == 0 || right.count == 0 {
-                continue;
-            }
-            let cost = left.cost() + right.cost();
-            if cost < least {
-                least = cost;
-                best = Some(Division { axis, bin });
-            }
-        }
-    }
-    best
-}
-
-/// Brings those that are `first` to the front and returns how many they are.
-fn partition(references: &mut [Reference], first: impl Fn(&Reference) -> bool) -> usize {
-    let mut count = 0;
-    for i in 0..references.len() {
-        if first(&references[i]) {
-            references.swap(count, i);
-            count += 1;
-        }
-    }
-    count
+    members
 }

@@ -1,8 +1,8 @@
 //! An 8-wide bounding volume hierarchy, as rays read it.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
-use super::build::{Bounds, MAX_DEPTH};
+use super::build::MAX_DEPTH;
 use super::triangle::TriangleBlock;
 
 /// Children of a node.
@@ -80,10 +80,10 @@ impl Node8 {
         links: [0; WIDTH],
     };
 
-    pub(super) fn set(&mut self, slot: usize, bounds: &Bounds, link: u32) {
+    pub(super) fn set(&mut self, slot: usize, lo: Vec3A, hi: Vec3A, link: u32) {
         for axis in 0..3 {
-            self.bounds[axis][slot] = bounds.lo[axis];
-            self.bounds[axis + 3][slot] = bounds.hi[axis];
+            self.bounds[axis][slot] = lo[axis];
+            self.bounds[axis + 3][slot] = hi[axis];
         }
         self.links[slot] = link;
     }
