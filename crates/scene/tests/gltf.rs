@@ -835,7 +835,7 @@ fn broken_files_are_refused_by_name_and_place() {
         (
             "/accessors/0/count",
             json!(3),
-            &["indices: found 3; expected less than 3"],
+            &["NORMAL: found 4 elements; expected 3"],
         ),
         (
             "/accessors/0/count",
@@ -928,6 +928,14 @@ fn broken_files_are_refused_by_name_and_place() {
             );
         }
     }
+    let mut doc = lit();
+    let indices = doc.json["bufferViews"][3]["byteOffset"].as_u64();
+    doc.bin[indices.expect("a place") as usize] = 4;
+    let error = doc.error();
+    assert!(
+        error.contains("indices: found 4; expected less than 4"),
+        "{error}"
+    );
     let mut doc = lit();
     doc.bin[..4].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(
