@@ -275,6 +275,35 @@ fn methods_are_chosen_by_name() {
 }
 
 #[test]
+fn a_gltf_file_needs_no_run_file() {
+    let folder = Folder::with_room();
+    let text = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
+        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAAAAAAAAgD8AAAAA"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 6830}]}},
+        "nodes": [{"mesh": 0}, {"camera": 0, "translation": [0, 0, 3]},
+            {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 0, 2]}]}"#;
+    std::fs::write(folder.path("tri.gltf"), text).expect("a file");
+    let flags = "--size 16x16 --spp 2 --set lights.count=100";
+    folder.run(&format!("render tri.gltf {flags}")).fine();
+    let picture = folder.picture("out/tri.exr");
+    // 10 W/sr at distance 2 over a surface that reflects a half: 0.5 / π × 10 / 4.
+    let middle = picture.radiance[8 * 16 + 8].x;
+    assert!((middle - 0.398).abs() < 0.02, "{middle}");
+    let report = folder.json("out/tri.json");
+    assert_eq!(whole_number(&report, "/lights/point"), 1, "its light");
+    assert!(
+        whole_number(&report, "/bytes/mesh") >= 36,
+        "memory of the mesh"
+    );
+    let check = folder.run("check tri.gltf").fine();
+    assert!(check.stdout.contains("tri.gltf"), "{}", check.stdout);
+}
+
+#[test]
 fn set_changes_any_field() {
     let folder = Folder::with_room();
     let ran = folder.run_words(&[

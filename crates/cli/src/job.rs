@@ -292,7 +292,8 @@ pub(crate) struct Job {
 }
 
 impl Job {
-    /// Reads the run file and applies what the command line overrides.
+    /// Reads the run file and applies what the command line overrides. A glTF file in its place is a scene with its
+    /// own camera and lights, rendered with virtual lights and else by default.
     pub(crate) fn read(arguments: &JobArgs) -> Result<Self, CliError> {
         let mut overrides = Vec::new();
         if let Some(name) = &arguments.method {
@@ -304,7 +305,19 @@ impl Job {
         }
         overrides.extend(arguments.overrides.iter().cloned());
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
-        let spec: JobSpec = ron_file::read(&arguments.config, &overrides, &bare)?;
+        let spec: JobSpec = match scene::load::gltf_name(&arguments.config) {
+            // What such a file is usually made for: all light, direct and reflected.
+            Some(name) => {
+                let text = format!("(scene: {name:?}, lights: Virtual)");
+                ron_file::parse(
+                    &arguments.config.to_string_lossy(),
+                    &text,
+                    &overrides,
+                    &bare,
+                )?
+            }
+            None => ron_file::read(&arguments.config, &overrides, &bare)?,
+        };
         if let Some(message) = spec.integrator.conflict(&spec.lights) {
             return Err(field_error(arguments, "integrator", message));
         }

@@ -165,6 +165,11 @@ pub(crate) fn write(
         nonfinite: counters.nonfinite,
         peak_rss_bytes: peak_resident(),
         bytes: BTreeMap::from([
+            ("mesh", scene.mesh.bytes()),
+            (
+                "textures",
+                scene.textures.iter().map(scene::Texture::bytes).sum(),
+            ),
             ("bvh", prepared.loaded.tracer.bytes()),
             ("lights", lights.bytes()),
             ("tree", tree.map_or(0, light_tree::LightTree::bytes)),

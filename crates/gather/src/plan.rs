@@ -27,7 +27,11 @@ impl Plan {
                 ("smooth normals", has_normals),
                 (
                     "textures",
-                    materials.iter().any(|m| m.diffuse_map.is_some()),
+                    materials.iter().any(|m| {
+                        m.diffuse_map.is_some()
+                            || m.roughness_map.is_some()
+                            || m.metallic_map.is_some()
+                    }),
                 ),
                 (
                     "glossy surfaces",

@@ -25,7 +25,7 @@ pub use error::SceneError;
 pub use material::{Material, MaterialId, alpha_of_exponent};
 pub use mesh::{ABSENT, Mesh};
 pub use surface::Surface;
-pub use texture::{Texture, TextureId};
+pub use texture::{Channel, Texture, TextureId};
 pub use view::Camera;
 
 /// Everything a render reads: geometry, materials, lights, camera. World space, scene units, linear RGB.

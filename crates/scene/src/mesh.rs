@@ -38,6 +38,17 @@ impl Mesh {
         self.indices.is_empty()
     }
 
+    /// Heap memory in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.positions[..])
+            + size_of_val(&self.normals[..])
+            + size_of_val(&self.uvs[..])
+            + size_of_val(&self.indices[..])
+            + size_of_val(&self.normal_indices[..])
+            + size_of_val(&self.uv_indices[..])
+            + size_of_val(&self.materials[..])
+    }
+
     /// Corner positions of triangle `t`.
     pub fn corners(&self, t: usize) -> [Vec3; 3] {
         self.indices[t].map(|i| self.positions[i as usize])

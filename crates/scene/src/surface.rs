@@ -3,8 +3,9 @@
 use glam::{Vec2, Vec3};
 
 use crate::brdf::Brdf;
+use crate::material::Texels;
 use crate::trace::Hit;
-use crate::{ABSENT, MaterialId, Scene};
+use crate::{ABSENT, Channel, MaterialId, Scene};
 
 /// A point on a surface, seen from one side.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +67,8 @@ impl Scene {
         };
         let bumped = m.normal_map.zip(uvs).and_then(|(map, uvs)| {
             let tangents = Tangents::new([a, b, c], uvs, front)?;
-            Some(tangents.to_world(self.textures[map.0 as usize].normal(uv)))
+            let slopes = Vec3::new(m.normal_scale, m.normal_scale, 1.0);
+            Some(tangents.to_world(slopes * self.textures[map.0 as usize].normal(uv)))
         });
         let side = if ng.dot(direction) > 0.0 { -1.0 } else { 1.0 };
         let (ng, ns) = (ng * side, bumped.unwrap_or(front) * side);
@@ -75,14 +77,23 @@ impl Scene {
         } else {
             raised(raised(ns, ng), -direction)
         };
-        let texel = m
-            .diffuse_map
-            .map_or(Vec3::ONE, |map| self.textures[map.0 as usize].colour(uv));
+        let number = |map: Option<Channel>| {
+            map.map_or(1.0, |map| {
+                self.textures[map.texture.0 as usize].channel(uv, map.index)
+            })
+        };
+        let texels = Texels {
+            diffuse: m
+                .diffuse_map
+                .map_or(Vec3::ONE, |map| self.textures[map.0 as usize].colour(uv)),
+            roughness: number(m.roughness_map),
+            metallic: number(m.metallic_map),
+        };
         Surface {
             position,
             ng,
             ns,
-            brdf: m.brdf(texel),
+            brdf: m.brdf(&texels),
             material,
             offset: self.ray_offset(t),
         }

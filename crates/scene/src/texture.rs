@@ -8,6 +8,15 @@ use glam::{Vec2, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TextureId(pub u32);
 
+/// One channel of a texture, for a number that varies over a surface. Its bytes are linear, 255 is 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Channel {
+    /// The image.
+    pub texture: TextureId,
+    /// 0 red, 1 green, 2 blue, 3 alpha.
+    pub index: u8,
+}
+
 /// An 8-bit sRGB image with straight alpha, repeated over the plane.
 #[derive(Debug, Clone)]
 pub struct Texture {
@@ -61,6 +70,16 @@ impl Texture {
         self.bilinear(uv, |[r, _, _, a]| {
             f32::from(if self.has_alpha { a } else { r }) / 255.0
         })
+    }
+
+    /// Heap memory in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.texels[..])
+    }
+
+    /// Channel `index`, below 4, at `uv` in [0, 1], bilinear; bytes are linear.
+    pub fn channel(&self, uv: Vec2, index: u8) -> f32 {
+        self.bilinear(uv, |texel| f32::from(texel[usize::from(index)]) / 255.0)
     }
 
     /// The texels as a normal map, z outward and green along growing v, bilinear; not normalised.

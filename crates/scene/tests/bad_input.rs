@@ -132,8 +132,8 @@ fn bad_scene_files_are_refused() {
             ),
             (
                 "\"scene.obj\"",
-                "\"scene.glb\"",
-                &["scene.ron:2:16", "not supported yet"],
+                "\"scene.ply\"",
+                &["scene.ron:2:16", "expected .obj, .gltf or .glb"],
             ),
             (
                 "\"scene.obj\"",

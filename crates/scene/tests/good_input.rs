@@ -223,6 +223,39 @@ fn roughness_and_metalness_replace_the_highlight() {
 }
 
 #[test]
+fn maps_of_roughness_and_metalness_multiply_at_each_point() {
+    let obj = format!("mtllib a.mtl\n{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nusemtl m\nf 1/1 2/2 3/3");
+    let texel = image::RgbImage::from_pixel(1, 1, image::Rgb([51, 0, 255]));
+    let surface = |mtl: &str| {
+        let scene = load_files(obj.as_bytes(), mtl, &texel.clone().into());
+        let hit = manylight_scene::trace::Hit {
+            t: 1.0,
+            triangle: 0,
+            u: 0.25,
+            v: 0.25,
+        };
+        scene.surface(&hit, Vec3::NEG_Z)
+    };
+    let both = surface("newmtl m\nKd 1 1 1\nPr 0.5\nPm 0.5\nmap_Pr t.png\nmap_Pm t.png\n").brdf;
+    assert!((both.alpha - 0.01).abs() < 1e-6, "red is 0.2: {both:?}");
+    assert!(
+        (both.diffuse.x - 0.9).abs() < 1e-6,
+        "half of 0.2 is metal: {both:?}"
+    );
+    let alone = surface("newmtl m\nKd 1 1 1\nmap_Pr t.png\n").brdf;
+    assert!(
+        (alone.alpha - 0.04).abs() < 1e-6,
+        "a map alone is the roughness: {alone:?}"
+    );
+    assert_eq!(alone.diffuse, Vec3::ONE, "and no metal: {alone:?}");
+    let metal = surface("newmtl m\nKd 1 1 1\nPr 0\nmap_Pm t.png\n").brdf;
+    assert!(
+        (metal.diffuse.x - 0.8).abs() < 1e-6,
+        "a map alone is the metalness: {metal:?}"
+    );
+}
+
+#[test]
 fn every_kind_of_png_becomes_eight_bit_colour() {
     let obj = format!("mtllib a.mtl\n{SQUARE}usemtl a\nf 1 2 3");
     let mtl = "newmtl a\nKd 1 1 1\nmap_Kd t.png\n";

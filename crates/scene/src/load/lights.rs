@@ -15,12 +15,14 @@ pub(super) struct Lights {
     pub(super) environment: Option<Environment>,
 }
 
-/// Reads all lights; those without power are counted and left out.
+/// Reads all lights; `from_files` are those of the geometry files, in photometric units. Those without power are counted and left out.
 pub(super) fn read(
     entries: &[LightEntry],
     scene: &SceneText<'_>,
+    from_files: &[Emitter],
     notes: &mut LoadNotes,
 ) -> Result<Lights, SceneError> {
+    let mut used_files = from_files.is_empty();
     let mut lights = Lights::default();
     let mut environment_at = None;
     for (i, entry) in entries.iter().enumerate() {
@@ -66,6 +68,12 @@ pub(super) fn read(
                 direction: direction.0,
                 irradiance: irradiance.0,
             }),
+            LightEntry::FromFile { lumens_per_watt } => {
+                used_files = true;
+                let scale = lumens_per_watt.0.recip();
+                let converted = from_files.iter().map(|light| scaled(light, scale));
+                lights.emitters.extend(converted);
+            }
             LightEntry::Emissive => lights.emissive = true,
             LightEntry::Environment {
                 radiance,
@@ -94,6 +102,12 @@ pub(super) fn read(
             }
         }
     }
+    if !used_files {
+        notes.remarks.push(format!(
+            "{} lights of geometry files are not among the scene's lights: `FromFile` would be",
+            from_files.len()
+        ));
+    }
     let all = lights.emitters.len();
     lights.emitters.retain(has_power);
     notes.zero_power_lights += all - lights.emitters.len();
@@ -105,6 +119,17 @@ fn point(light: &PointLight) -> Emitter {
         position: light.position.0,
         intensity: light.intensity.0,
     }
+}
+
+/// A light times `scale`.
+fn scaled(light: &Emitter, scale: f32) -> Emitter {
+    let mut light = *light;
+    match &mut light {
+        Emitter::Point { intensity, .. } | Emitter::Spot { intensity, .. } => *intensity *= scale,
+        Emitter::Directional { irradiance, .. } => *irradiance *= scale,
+        Emitter::Triangle { radiance, .. } => *radiance *= scale,
+    }
+    light
 }
 
 fn has_power(emitter: &Emitter) -> bool {

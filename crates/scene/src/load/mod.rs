@@ -1,10 +1,11 @@
-//! Reading `scene.ron`, OBJ, MTL, textures and files of lights.
+//! Reading `scene.ron`, glTF, OBJ, MTL, textures and files of lights.
 //!
 //! Scene files are untrusted: every number is checked, nothing panics, and names in files cannot leave the
 //! scene's folder. What is dropped is counted in [`LoadNotes`].
 
 mod emissive;
 mod environment;
+mod gltf;
 mod lights;
 mod mtl;
 mod obj;
@@ -20,7 +21,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::{LoadNotes, Material, Mesh, Scene, SceneError, Texture};
+use crate::{CameraSpec, Emitter, LoadNotes, Material, Mesh, Scene, SceneError, Texture};
 use scene_file::SceneFile;
 use source::Source;
 pub use source::{SCENE_FOLDER, expand};
@@ -31,10 +32,16 @@ struct Parts {
     mesh: Mesh,
     materials: Vec<Material>,
     textures: texture::WantedList,
+    /// Materials whose opacity is a texture's alpha, and 1 where it has none.
+    alpha_maps: Vec<usize>,
+    /// The first one that a file has.
+    camera: Option<CameraSpec>,
+    /// Lights of the files in photometric units: candela where watts per steradian are meant, lux for W/m².
+    lights: Vec<Emitter>,
     notes: LoadNotes,
 }
 
-/// Reads a scene. `path` names a `scene.ron` and may begin with an environment variable
+/// Reads a scene. `path` names a `scene.ron`, or a glTF file with its own camera and lights, and may begin with an environment variable
 /// (`$MANYLIGHT_SCENES/sibenik/scene.ron`).
 ///
 /// A scene without triangles or without lights is legal, and black.
@@ -48,12 +55,15 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         None => path.to_owned(),
     };
     let shown = path.display().to_string();
-    let bytes = std::fs::read(&path).map_err(|source| SceneError::Io {
-        path: shown.clone(),
-        source,
-    })?;
+    let bytes = match gltf_name(&path) {
+        Some(name) => format!("(geometry: [{name:?}], lights: [FromFile, Emissive])").into_bytes(),
+        None => std::fs::read(&path).map_err(|source| SceneError::Io {
+            path: shown.clone(),
+            source,
+        })?,
+    };
     let text = ron_file::text(&shown, &bytes)?;
-    let file: SceneFile = ron_file::parse(&shown, text, &[], &["Environment"])?;
+    let file: SceneFile = ron_file::parse(&shown, text, &[], &["Environment", "FromFile"])?;
     let here = SceneText {
         shown: &shown,
         text,
@@ -68,17 +78,26 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
     for (i, name) in file.geometry.iter().enumerate() {
         let field = format!("geometry[{i}]");
         let (source, name) = here.resolve(&field, name)?;
-        let is_obj = name.to_ascii_lowercase().ends_with(".obj");
-        if !is_obj {
+        let is_gltf = is_gltf(&name);
+        if !is_gltf && !name.to_ascii_lowercase().ends_with(".obj") {
             let message =
-                format!("{name}: geometry of this kind is not supported yet; expected .obj");
+                format!("{name}: geometry of this kind is not read; expected .obj, .gltf or .glb");
             return Err(here.error(&field, message));
         }
         let bytes = source.read(&name);
         let bytes = bytes.map_err(|e| here.error(&field, unreadable(&source, &name, &e)))?;
-        obj::read(&mut parts, &source, &name, &bytes)?;
+        match is_gltf {
+            true => gltf::read(&mut parts, &source, &name, &bytes)?,
+            false => obj::read(&mut parts, &source, &name, &bytes)?,
+        }
     }
-    let lights = lights::read(&file.lights, &here, &mut parts.notes)?;
+    let lights = lights::read(&file.lights, &here, &parts.lights, &mut parts.notes)?;
+    let camera = file.camera.map(|camera| camera.0).or(parts.camera);
+    let camera = camera.ok_or_else(|| {
+        let message = "there is none, and no geometry file has one in perspective; expected \
+                       (origin: (x, y, z), target: (x, y, z), up: (0, 1, 0), fov_y_deg: 60.0)";
+        here.error("camera", message)
+    })?;
     let textures: Vec<_> = parts
         .textures
         .all()
@@ -91,8 +110,13 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         mut mesh,
         mut materials,
         mut notes,
+        alpha_maps,
         ..
     } = parts;
+    for material in alpha_maps {
+        let map = &mut materials[material].opacity_map;
+        *map = map.filter(|map| textures[map.0 as usize].has_alpha);
+    }
     drop_height_maps(&mut materials, &textures, &mut notes);
     weed::weed(&mut mesh, &mut notes);
     if mesh.is_empty() {
@@ -109,7 +133,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         emitters: lights.emitters,
         emissive: Vec::new(),
         environment: lights.environment,
-        camera: file.camera.0,
+        camera,
         metres_per_unit: file.metres_per_unit.0,
         notes,
     };
@@ -117,6 +141,17 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         emissive::find(&mut scene);
     }
     Ok(scene)
+}
+
+fn is_gltf(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    name.ends_with(".gltf") || name.ends_with(".glb")
+}
+
+/// The file's name, if that is the one of a glTF file, which [`load`] reads without a `scene.ron`.
+pub fn gltf_name(path: &Path) -> Option<&str> {
+    let name = path.file_name()?.to_str()?;
+    is_gltf(name).then_some(name)
 }
 
 /// `map_Bump` may name a map of heights or one of normals, which only the texels tell.

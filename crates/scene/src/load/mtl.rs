@@ -9,7 +9,7 @@ use glam::Vec3;
 use crate::brdf::LEAST_ALPHA;
 use crate::load::source::{Source, join};
 use crate::load::{Parts, lenient_text, lines, texture};
-use crate::{Material, SceneError, alpha_of_exponent};
+use crate::{Channel, Material, SceneError, alpha_of_exponent};
 
 /// Largest Phong exponent.
 const SHARPEST: f32 = 1e6;
@@ -80,14 +80,15 @@ pub(super) fn read(
                 source: source.clone(),
                 name: map.name.clone(),
                 shown: source.shown(&map.name),
-                named_by: (shown.clone(), map.line),
-                key: map.key,
+                named_by: format!("{shown}:{}: {}", map.line, map.key),
             };
             Some(parts.textures.id(texture))
         };
         let (diffuse_map, opacity_map) = (map("map_Kd"), map("map_d"));
         let normal_map = map("norm").or_else(|| map("map_Bump"));
         let emission_map = map("map_Ke");
+        let mut number = |key| map(key).map(|texture| Channel { texture, index: 0 });
+        let (roughness_map, metallic_map) = (number("map_Pr"), number("map_Pm"));
         // MTL has no default; a map alone is meant to be seen as it is.
         let missing_diffuse = Vec3::splat(if diffuse_map.is_some() { 1.0 } else { 0.0 });
         if material.diffuse.is_none() {
@@ -100,11 +101,18 @@ pub(super) fn read(
             opacity: opacity(&material),
             alpha: match parameter(&material, "Pr") {
                 Some(roughness) => (roughness * roughness).max(LEAST_ALPHA),
+                // A map alone is the roughness itself.
+                None if roughness_map.is_some() => 1.0,
                 None => alpha_of_exponent(material.shininess.unwrap_or(1.0)),
             },
             metallic: parameter(&material, "Pm")
-                .or_else(|| parameter(&material, "Pr").map(|_| 0.0)),
+                .or(metallic_map.map(|_| 1.0))
+                .or_else(|| parameter(&material, "Pr").map(|_| 0.0))
+                .or(roughness_map.map(|_| 0.0)),
+            roughness_map,
+            metallic_map,
             normal_map,
+            normal_scale: 1.0,
             diffuse: material.diffuse.map_or(missing_diffuse, Vec3::from),
             specular: material.specular.map_or(Vec3::ZERO, Vec3::from),
             emission: material.emissive.map_or(Vec3::ZERO, Vec3::from),
@@ -237,11 +245,13 @@ fn check(
                 }
                 writeln(&mut out.plain, key, &number.to_string());
             }
-            "map_Kd" | "map_d" | "map_Ke" | "norm" | "map_Bump" | "bump" => {
+            "map_Kd" | "map_d" | "map_Ke" | "map_Pr" | "map_Pm" | "norm" | "map_Bump" | "bump" => {
                 let key = match key {
                     "map_d" => "map_d",
                     "map_Kd" => "map_Kd",
                     "map_Ke" => "map_Ke",
+                    "map_Pr" => "map_Pr",
+                    "map_Pm" => "map_Pm",
                     "norm" => "norm",
                     _ => "map_Bump",
                 };
@@ -276,7 +286,7 @@ fn check(
 fn canonical(key: &str) -> &str {
     let known = [
         "newmtl", "Kd", "Ks", "Ke", "Ns", "d", "Tr", "Pr", "Pm", "map_Kd", "map_d", "map_Ke",
-        "norm", "map_Bump", "bump", "illum", "Ka",
+        "map_Pr", "map_Pm", "norm", "map_Bump", "bump", "illum", "Ka",
     ];
     let same = |known: &&&str| known.eq_ignore_ascii_case(key);
     known.iter().find(same).copied().unwrap_or(key)

@@ -184,8 +184,8 @@ mod tests {
             ),
             file("scene.mtl", "newmtl a\nKd 1\nmap_Kd textures\\t.png"),
         ];
-        let source = Source::BuiltIn {
-            scene: "test".to_owned(),
+        let source = Source::Memory {
+            folder: "builtin:test".to_owned(),
             files: files.to_vec().into(),
         };
         let mut parts = Parts {

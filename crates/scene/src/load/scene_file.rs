@@ -14,12 +14,20 @@ pub(super) struct SceneFile {
     pub(super) geometry: Vec<String>,
     #[serde(default = "one")]
     pub(super) metres_per_unit: Scale,
-    pub(super) camera: Camera,
+    /// Else the one of a geometry file.
+    #[serde(default)]
+    pub(super) camera: Option<Camera>,
     pub(super) lights: Vec<LightEntry>,
 }
 
 fn one() -> Scale {
     Scale(1.0)
+}
+
+/// What Blender multiplies by when it exports lights in the standard's units, and divides by on import; also the
+/// definition of the lumen at 555 nm.
+fn blender_lumens_per_watt() -> Scale {
+    Scale(683.0)
 }
 
 /// One entry of `lights`.
@@ -43,6 +51,12 @@ pub(super) enum LightEntry {
         irradiance: Colour,
     },
     Emissive,
+    /// Those of the geometry files.
+    FromFile {
+        /// Photometric units over radiometric ones.
+        #[serde(default = "blender_lumens_per_watt")]
+        lumens_per_watt: Scale,
+    },
     Environment {
         #[serde(default)]
         radiance: Option<Colour>,

@@ -1,4 +1,4 @@
-//! Where a scene's files come from: a folder, or the scenes built into the program.
+//! Where a scene's files come from: a folder, the scenes built into the program, or another file that holds them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -7,12 +7,13 @@ use procedural::SceneFile;
 
 use crate::SceneError;
 
-/// The folder (on disk or built in) that names are relative to. Names in untrusted files cannot leave it.
+/// The folder (on disk or in memory) that names are relative to. Names in untrusted files cannot leave it.
 #[derive(Debug, Clone)]
 pub(super) enum Source {
     Disk(PathBuf),
-    BuiltIn {
-        scene: String,
+    Memory {
+        /// Its name for messages: `builtin:nave`.
+        folder: String,
         files: Arc<[SceneFile]>,
     },
 }
@@ -24,8 +25,8 @@ impl Source {
             let known = procedural::NAMES.join(", ");
             format!("there is no built-in scene `{scene}`; there are: {known}")
         })?;
-        Ok(Self::BuiltIn {
-            scene: scene.to_owned(),
+        Ok(Self::Memory {
+            folder: format!("builtin:{scene}"),
             files: files.into(),
         })
     }
@@ -34,7 +35,7 @@ impl Source {
     pub(super) fn shown(&self, name: &str) -> String {
         match self {
             Self::Disk(folder) => folder.join(name).display().to_string(),
-            Self::BuiltIn { scene, .. } => format!("builtin:{scene}/{name}"),
+            Self::Memory { folder, .. } => format!("{folder}/{name}"),
         }
     }
 
@@ -42,7 +43,7 @@ impl Source {
     pub(super) fn read(&self, name: &str) -> std::io::Result<Vec<u8>> {
         match self {
             Self::Disk(folder) => std::fs::read(folder.join(name)),
-            Self::BuiltIn { files, .. } => files
+            Self::Memory { files, .. } => files
                 .iter()
                 .find(|file| file.name == name)
                 .map(|file| file.bytes.clone())
@@ -53,7 +54,7 @@ impl Source {
     pub(super) fn has(&self, name: &str) -> bool {
         match self {
             Self::Disk(folder) => folder.join(name).is_file(),
-            Self::BuiltIn { files, .. } => files.iter().any(|file| file.name == name),
+            Self::Memory { files, .. } => files.iter().any(|file| file.name == name),
         }
     }
 }

@@ -23,10 +23,8 @@ pub(super) struct Wanted {
     pub(super) name: String,
     /// Full name, which tells textures apart.
     pub(super) shown: String,
-    /// File and line that name it first.
-    pub(super) named_by: (String, usize),
-    /// The key there: `map_Kd`.
-    pub(super) key: &'static str,
+    /// Where it is named first: `scene.mtl:3: map_Kd`.
+    pub(super) named_by: String,
 }
 
 /// All textures that materials name; one entry per file.
@@ -42,7 +40,7 @@ impl WantedList {
         if let Some(&id) = self.by_name.get(&wanted.shown) {
             return id;
         }
-        // One MTL line each: fewer than 2³² in any text that fits in memory.
+        // One line or JSON object each: fewer than 2³² in any text that fits in memory.
         let id = TextureId(u32::try_from(self.list.len()).unwrap_or(u32::MAX));
         self.by_name.insert(wanted.shown.clone(), id);
         self.list.push(wanted);
@@ -57,10 +55,8 @@ impl WantedList {
 
 impl Wanted {
     pub(super) fn load(&self) -> Result<Texture, SceneError> {
-        self.decode().map_err(|message| {
-            let (file, line) = &self.named_by;
-            SceneError::line(file, *line, format!("{}: {message}", self.key))
-        })
+        self.decode()
+            .map_err(|message| SceneError::file(&self.named_by, message))
     }
 
     fn decode(&self) -> Result<Texture, String> {
