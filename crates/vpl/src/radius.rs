@@ -69,7 +69,9 @@ impl Bucket {
 
     fn bounds(&self) -> Bounds {
         let points = (0..self.len).map(|lane| self.point(lane));
-        points.fold(Bounds::NONE, |bounds, p| bounds.union(Bounds { lo: p, hi: p }))
+        points.fold(Bounds::NONE, |bounds, p| {
+            bounds.union(Bounds { lo: p, hi: p })
+        })
     }
 
     /// Squared distances of its points to `p`.
