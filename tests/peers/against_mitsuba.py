@@ -4,13 +4,15 @@
     pip install mitsuba numpy        # in an environment of its own; no part of the tests
     tests/peers/against_mitsuba.py SCENE_FOLDER --lights points --out /tmp/peer
 
-The scene is made matte (Ks 0) for both, as the two do not share a glossy model by name, and its lights are either the
-file's points or its emissive triangles. SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
+The scene is made matte (Ks 0) for both unless --glossy is given, and its lights are either the file's points or its
+emissive triangles. With --glossy, Kd + Ks of an MTL file are a diffuse and a GGX lobe without Fresnel side by side, which
+Mitsuba has as a blend of diffuse and roughconductor; its masking and shadowing are uncorrelated where manylight's are
+correlated by height, which differs by Λ²: keep to Ns of 30 and more. Each renderer makes two pictures of different seeds, so that
+the noise of either is known. SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
 lights shine to one side: each emissive triangle becomes two, a little apart.
 """
 
 import argparse
-import json
 import os
 import re
 import subprocess
@@ -36,8 +38,10 @@ def read_mtl(path):
         key, _, rest = line.strip().partition(" ")
         rest = rest.strip()
         if key == "newmtl":
-            current = materials.setdefault(rest, {"Kd": None, "Ke": [0, 0, 0], "map_Kd": None, "map_d": None})
-        elif key in ("Kd", "Ke"):
+            current = materials.setdefault(rest, {"Kd": None, "Ks": [0, 0, 0], "Ke": [0, 0, 0], "Ns": 1, "map_Kd": None, "map_d": None})
+        elif key == "Ns":
+            current[key] = float(rest)
+        elif key in ("Kd", "Ks", "Ke"):
             numbers = [float(x) for x in rest.split()]
             current[key] = (numbers * 3)[:3]
         elif key in ("map_Kd", "map_d"):
@@ -86,7 +90,30 @@ def mesh(name, positions, uvs, normals, props):
     return made
 
 
-def shapes(folder, obj, mtl, emissive):
+def reflection(material, texels):
+    """Mitsuba's form of Kd, times `texels` in linear light if there are any, beside Ks; both sides."""
+    kd = np.array(material["Kd"] or ([1, 1, 1] if material["map_Kd"] else [0, 0, 0]), dtype=np.float32)
+    ks = np.array(material["Ks"], dtype=np.float32)
+    # Each part is chosen with a probability, which its reflectance is divided by.
+    share = ks.max() / max(ks.max() + kd.max(), 1e-30)
+    if share < 1:
+        kd = kd / (1 - share)
+    if texels is None:
+        colour = {"type": "rgb", "value": kd.tolist()}
+    else:
+        # Mitsuba has the first row at the bottom.
+        colour = {"type": "bitmap", "raw": True, "wrap_mode": "repeat",
+                  "bitmap": mi.Bitmap(np.ascontiguousarray((texels * kd)[::-1]))}
+    bsdf = {"type": "diffuse", "reflectance": colour}
+    if share > 0:
+        lobe = {"type": "roughconductor", "material": "none", "distribution": "ggx",
+                "alpha": (2 / (material["Ns"] + 2)) ** 0.5,
+                "specular_reflectance": {"type": "rgb", "value": (ks / share).tolist()}}
+        bsdf = lobe if share == 1 else {"type": "blendbsdf", "weight": float(share), "a": bsdf, "b": lobe}
+    return {"type": "twosided", "bsdf": bsdf}
+
+
+def shapes(folder, obj, mtl, emissive, glossy):
     table, faces = read_obj(obj)
     materials = read_mtl(mtl)
     arrays = {key: np.array(rows, dtype=np.float64) for key, rows in table.items()}
@@ -106,16 +133,13 @@ def shapes(folder, obj, mtl, emissive):
         has_normal = (corners[:, :, 2] >= 0).all()
         uvs = arrays["vt"][corners[:, :, 1]][:, :, :2] if has_uv else None
         normals = arrays["vn"][corners[:, :, 2]] if has_normal else None
-        reflectance = {"type": "rgb", "value": material["Kd"] or ([1, 1, 1] if material["map_Kd"] else [0, 0, 0])}
+        texels = None
         if material["map_Kd"] and has_uv:
-            # map_Kd multiplies Kd: the product is made here, in linear light.
             bitmap = mi.Bitmap(os.path.join(folder, material["map_Kd"]))
-            bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
-            texels = np.array(bitmap) * np.array(reflectance["value"], dtype=np.float32)
-            # Mitsuba has the first row at the bottom.
-            reflectance = {"type": "bitmap", "raw": True, "wrap_mode": "repeat",
-                           "bitmap": mi.Bitmap(np.ascontiguousarray(texels[::-1]))}
-        bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+            texels = np.array(bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False))
+        if not glossy:
+            material["Ks"] = [0, 0, 0]
+        bsdf = reflection(material, texels)
         if material["map_d"] and has_uv:
             # Below one half the surface is not there: alpha, or the first channel where there is none.
             texels = np.array(mi.Bitmap(os.path.join(folder, material["map_d"])))
@@ -147,6 +171,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder")
     parser.add_argument("--lights", choices=["points", "emissive"], default="points")
+    parser.add_argument("--glossy", action="store_true")
     parser.add_argument("--bounces", type=int, default=5)
     parser.add_argument("--size", type=int, nargs=2, default=[128, 128])
     parser.add_argument("--spp", type=int, default=256)
@@ -161,7 +186,7 @@ def main():
     mtl = os.path.join(given.folder, next(f for f in files if f.endswith(".mtl")))
     emissive = given.lights == "emissive"
 
-    # A matte copy for manylight: files that do not change are linked.
+    # A copy for manylight, matte unless asked otherwise: files that do not change are linked.
     copy = os.path.join(given.out, "scene")
     os.makedirs(copy, exist_ok=True)
     for name in files:
@@ -169,7 +194,7 @@ def main():
         if os.path.lexists(link):
             os.remove(link)
         source = os.path.abspath(os.path.join(given.folder, name))
-        if name == os.path.basename(mtl):
+        if name == os.path.basename(mtl) and not given.glossy:
             lines = [line for line in open(source, errors="replace") if line.split()[:1] != ["Ks"]]
             open(link, "w").writelines(lines)
         elif name != "scene.ron":
@@ -180,8 +205,10 @@ def main():
     open(run, "w").write(
         f'(scene: "scene/scene.ron", integrator: Path(max_bounces: {given.bounces}),'
         f' image: (width: {given.size[0]}, height: {given.size[1]}, spp: {given.spp}))\n')
-    subprocess.run([given.manylight, "render", run, "--method", given.method, "--out", given.out,
-                    "--name", "manylight", "--quiet"], check=True)
+    ours, peers = [[os.path.join(given.out, f"{who}{seed}.exr") for seed in (1, 2)] for who in ("manylight", "mitsuba")]
+    for seed in (1, 2):
+        subprocess.run([given.manylight, "render", run, "--method", given.method, "--out", given.out,
+                        "--name", f"manylight{seed}", "--seed", str(seed), "--quiet"], check=True)
 
     look = {key: triple(text, key) for key in ("origin", "target", "up")}
     fov = float(re.search(rf"fov_y_deg:\s*({NUMBER})", text).group(1))
@@ -198,7 +225,7 @@ def main():
             "sampler": {"type": "independent", "sample_count": given.spp},
         },
     }
-    scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive).values())})
+    scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive, given.glossy).values())})
     if not emissive:
         points = open(os.path.join(given.folder, "lights.ron")).read()
         for i, entry in enumerate(re.findall(r"\(position:.*?\)\s*\)", points)):
@@ -206,15 +233,30 @@ def main():
                                   "intensity": {"type": "rgb", "value": triple(entry, "intensity")}}
     loaded = mi.load_dict(scene)
     started = time.time()
-    picture = mi.render(loaded)
+    for seed, path in enumerate(peers):
+        mi.Bitmap(mi.render(loaded, seed=seed)).write(path)
     seconds = time.time() - started
-    peer = os.path.join(given.out, "mitsuba.exr")
-    mi.Bitmap(picture).write(peer)
-    ours = os.path.join(given.out, "manylight.exr")
-    compared = subprocess.run([given.manylight, "compare", ours, peer, "--json"], check=True, capture_output=True)
-    figures = json.loads(compared.stdout)
-    print(f"{given.folder} {given.lights}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, {given.spp} spp: "
-          f"mean ratio {figures['mean_ratio']:.5f}, relmse {figures['relmse']:.3e}; Mitsuba {seconds:.0f} s")
+    halves = [[pixels(path) for path in paths] for paths in (ours, peers)]
+    mean = [(a + b) / 2 for a, b in halves]
+    scale = mean[1] ** 2 + 0.01 * mean[1].mean() ** 2
+    # The mean of two halves is off by half their difference, in the mean over many pixels.
+    noise = sum((((a - b) / 2) ** 2 / scale).mean() for a, b in halves)
+    relmse = ((mean[0] - mean[1]) ** 2 / scale).mean()
+    ratio = mean[0].mean() / mean[1].mean()
+    # Pixels are independent: what the differences of the halves say of the mean over all.
+    deviation = np.sqrt(sum((((a - b) / 2) ** 2).sum() for a, b in halves)) / mean[1].sum()
+    print(f"{given.folder} {given.lights}{' glossy' * given.glossy}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, "
+          f"2 x {given.spp} spp: mean ratio {ratio:.5f} +- {deviation:.5f}, relmse {relmse:.3e}, noise {noise:.3e}; "
+          f"Mitsuba {seconds:.0f} s")
+    difference = mean[0] - mean[1]
+    mi.Bitmap((difference / np.sqrt(scale)).astype(np.float32)).write(os.path.join(given.out, "difference.exr"))
+
+
+def pixels(path):
+    """An EXR's radiance in f64."""
+    bitmap = mi.Bitmap(path)
+    names = [field.name for field in bitmap.struct_()]
+    return np.array(bitmap, dtype=np.float64)[:, :, [names.index(channel) for channel in "RGB"]]
 
 
 if __name__ == "__main__":

@@ -13,9 +13,6 @@ use crate::error::CliError;
 use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
 use crate::progress::Progress;
 
-/// Neighbours that a virtual light's sphere reaches when no radius is given.
-const RADIUS_NEIGHBOURS: usize = 10;
-
 /// A scene and its ray hierarchy: the same for all lights, methods and cameras.
 pub(crate) struct LoadedScene {
     pub(crate) scene: Scene,
@@ -98,7 +95,7 @@ fn add_virtual_lights(
     if let VirtualKind::Vsl(vsl) = spec.kind {
         match vsl.radius {
             Some(radius) => lights.set_radius(radius.0),
-            None => vpl::set_local_radii(lights, RADIUS_NEIGHBOURS),
+            None => vpl::set_local_radii(lights),
         }
     }
     stats

@@ -24,7 +24,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
         seed: 1,
     };
     vpl::trace(&scene, &tracer, &spec, &mut lights);
-    vpl::set_local_radii(&mut lights, 10);
+    vpl::set_local_radii(&mut lights);
     (scene, tracer, Inputs::new(lights, TreeBuilder::Binned))
 }
 
