@@ -11,7 +11,7 @@ use ron_file::Override;
 
 use crate::job::{Extent, Samples};
 
-/// A many-light renderer: a million virtual lights, a light tree, and stochastic lightcuts.
+/// A many-light renderer: a million virtual lights, one light tree, and every method that draws from it.
 #[derive(Debug, Parser)]
 #[command(version, about, arg_required_else_help = true)]
 pub(crate) struct Arguments {

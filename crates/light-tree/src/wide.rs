@@ -704,6 +704,15 @@ mod tests {
     }
 
     #[test]
+    fn blocks_are_nearly_full() {
+        let lights = lights_on_walls(20_000);
+        let tree = wide(&lights).expect("has lights");
+        // 64 at best, and 138 where the brightest is always opened first.
+        let each = tree.bytes() / lights.len();
+        assert!(each < 110, "{each} bytes a light");
+    }
+
+    #[test]
     fn wide_and_narrow_instructions_give_the_same_bits() {
         let lights = lights_on_walls(500);
         let tree = wide(&lights).expect("has lights");

@@ -7,7 +7,7 @@ use sampling::Rng;
 use serde::Deserialize;
 
 use super::stochastic_lightcuts::Weights;
-use super::{Fraction, Method, SampleCount};
+use super::{Count, Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -34,9 +34,9 @@ pub struct AdaptiveSplittingSpec {
     /// How readily clusters are split, from 0 for never to 1 for always: those for which (1 / (1 + σ))^¼ is less.
     pub threshold: Fraction,
     /// Most light samples that splitting may lead to, of one descent, in 1..=65536.
-    pub max_samples: SampleCount,
+    pub max_samples: Count,
     /// Descents a point, in 1..=65536.
-    pub samples: SampleCount,
+    pub samples: Count,
     /// How children are weighed on the way down.
     pub weights: Weights,
 }
@@ -45,8 +45,8 @@ impl Default for AdaptiveSplittingSpec {
     fn default() -> Self {
         Self {
             threshold: Fraction::of(0.5),
-            max_samples: SampleCount::of(64),
-            samples: SampleCount::of(1),
+            max_samples: Count::of(64),
+            samples: Count::of(1),
             weights: Weights::ContyKulla2018,
         }
     }

@@ -10,7 +10,7 @@ use scene::{Emitter, Material, MaterialId, Mesh, Scene};
 use verify::{Running, critical_z, sidak, z_test};
 
 use super::shining_room::shining_room;
-use super::stochastic_lightcuts::{CutSize, Weights};
+use super::stochastic_lightcuts::Weights;
 use super::*;
 use crate::contribution::VirtualShape;
 use crate::counters::Counters;
@@ -269,7 +269,7 @@ fn settings() -> Vec<MethodSpec> {
         ..Default::default()
     }));
     // The number of samples must not change the brightness.
-    for samples in [1, 100].map(SampleCount::of) {
+    for samples in [1, 100].map(Count::of) {
         all.push(MethodSpec::Uniform(UniformSpec { samples }));
         all.push(MethodSpec::Power(PowerSpec { samples }));
         all.push(MethodSpec::Importance(ImportanceSpec {
@@ -280,8 +280,8 @@ fn settings() -> Vec<MethodSpec> {
     let splitting = |threshold, max_samples, samples, weights| {
         MethodSpec::AdaptiveSplitting(AdaptiveSplittingSpec {
             threshold: Fraction::of(threshold),
-            max_samples: SampleCount::of(max_samples),
-            samples: SampleCount::of(samples),
+            max_samples: Count::of(max_samples),
+            samples: Count::of(samples),
             weights,
         })
     };
@@ -294,7 +294,7 @@ fn settings() -> Vec<MethodSpec> {
     ]);
     let stochastic = |cut, weights| {
         MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
-            cut: CutSize(cut),
+            cut: Count::of(cut),
             weights,
             ..Default::default()
         })

@@ -7,7 +7,7 @@ use light_tree::{LightId, LightSet};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::{Method, SampleCount};
+use super::{Count, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -31,7 +31,7 @@ pub struct Importance<'a> {
 #[serde(default, deny_unknown_fields)]
 pub struct ImportanceSpec {
     /// Light samples a point, in 1..=65536.
-    pub samples: SampleCount,
+    pub samples: Count,
     /// How a light is weighed.
     pub weights: LightWeights,
 }

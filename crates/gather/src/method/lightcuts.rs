@@ -10,8 +10,7 @@ use sampling::Rng;
 use serde::Deserialize;
 
 use super::refinement::{Cluster, JUST_VISIBLE, Refinement};
-use super::stochastic_lightcuts::CutSize;
-use super::{Fraction, Method};
+use super::{Count, Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::error_bound::{Clusters, Reflection};
@@ -40,7 +39,7 @@ pub struct Lightcuts<'a> {
 #[serde(default, deny_unknown_fields)]
 pub struct LightcutsSpec {
     /// Most clusters, in 1..=65536; 1000 in the paper.
-    pub cut: CutSize,
+    pub cut: Count,
     /// Greatest error bound of a cluster as a share of the total; 0.02 in the paper.
     pub error: Fraction,
 }
@@ -48,7 +47,7 @@ pub struct LightcutsSpec {
 impl Default for LightcutsSpec {
     fn default() -> Self {
         Self {
-            cut: CutSize(1000),
+            cut: Count::of(1000),
             error: JUST_VISIBLE,
         }
     }
@@ -164,7 +163,7 @@ impl<'a> Method<'a> for Lightcuts<'a> {
             reflection: Reflection::of(x),
             eval,
         };
-        point.refine(cut, self.spec.cut.get(), self.spec.error.get());
+        point.refine(cut, self.spec.cut.get() as usize, self.spec.error.get());
         eval.mark(Phase::Cut);
         eval.add_radiance(x, cut.sum());
     }
@@ -265,7 +264,7 @@ mod tests {
         }
         let inputs = Inputs::new(lights, TreeBuilder::Binned);
         let spec = LightcutsSpec {
-            cut: CutSize(1),
+            cut: Count::of(1),
             ..LightcutsSpec::default()
         };
         let method = Lightcuts::prepare(&spec, &inputs);

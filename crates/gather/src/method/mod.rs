@@ -2,6 +2,7 @@
 
 mod adaptive_splitting;
 mod all_lights;
+mod count;
 mod fraction;
 mod importance;
 mod lightcuts;
@@ -9,7 +10,6 @@ mod multidimensional;
 mod power;
 mod refinement;
 mod running_total;
-mod sample_count;
 mod shared_cuts;
 mod stochastic_lightcuts;
 mod stratified_lightcuts;
@@ -25,12 +25,12 @@ use crate::tile_points::TilePoints;
 
 pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec};
 pub use all_lights::AllLights;
+pub use count::Count;
 pub use fraction::Fraction;
 pub use importance::{Importance, ImportanceSpec, LightWeights};
 pub use lightcuts::{Lightcuts, LightcutsSpec};
 pub use multidimensional::{Multidimensional, MultidimensionalSpec};
 pub use power::{Power, PowerSpec};
-pub use sample_count::SampleCount;
 pub use shared_cuts::BlockEdge;
 pub use stochastic_lightcuts::{
     RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,

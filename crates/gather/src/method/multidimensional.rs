@@ -8,8 +8,7 @@ use sampling::Rng;
 use serde::Deserialize;
 
 use super::refinement::{Cluster, JUST_VISIBLE, Refinement};
-use super::stochastic_lightcuts::CutSize;
-use super::{Fraction, Method};
+use super::{Count, Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::error_bound::Clusters;
@@ -45,7 +44,7 @@ pub struct Multidimensional<'a> {
 #[serde(default, deny_unknown_fields)]
 pub struct MultidimensionalSpec {
     /// Most clusters of pairs a pixel, in 1..=65536; 1000 in the paper.
-    pub cut: CutSize,
+    pub cut: Count,
     /// Greatest error bound of a cluster as a share of the pixel's total; 0.02 in the paper.
     pub error: Fraction,
 }
@@ -53,7 +52,7 @@ pub struct MultidimensionalSpec {
 impl Default for MultidimensionalSpec {
     fn default() -> Self {
         Self {
-            cut: CutSize(1000),
+            cut: Count::of(1000),
             error: JUST_VISIBLE,
         }
     }
@@ -285,7 +284,12 @@ impl<'a> Method<'a> for Multidimensional<'a> {
             next: DVec2::new(rng.f64(), rng.f64()),
             eval,
         };
-        pixel.refine(cut, root, self.spec.cut.get(), self.spec.error.get());
+        pixel.refine(
+            cut,
+            root,
+            self.spec.cut.get() as usize,
+            self.spec.error.get(),
+        );
         for cluster in cut.clusters() {
             let (light, points) = cluster.key;
             received[points.index()] +=
@@ -370,7 +374,7 @@ mod tests {
             for (name, lights) in light_sets(&scene, &tracer) {
                 let inputs = Inputs::new(lights, TreeBuilder::Binned);
                 let spec = MultidimensionalSpec {
-                    cut: CutSize(65536),
+                    cut: Count::of(65536),
                     error: Fraction::of(0.0),
                 };
                 let method = Multidimensional::prepare(&spec, &inputs);

@@ -9,7 +9,7 @@ use light_tree::{LightId, LightKind, LightSet, luminance};
 use sampling::{AliasTable, Rng};
 use serde::Deserialize;
 
-use super::{Method, SampleCount};
+use super::{Count, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -19,7 +19,7 @@ use crate::shadow_queue::LightEval;
 /// built.
 #[derive(Debug)]
 pub struct Power {
-    samples: SampleCount,
+    samples: Count,
     /// `None` without lights.
     table: Option<AliasTable>,
 }
@@ -29,7 +29,7 @@ pub struct Power {
 #[serde(default, deny_unknown_fields)]
 pub struct PowerSpec {
     /// Light samples a point, in 1..=65536.
-    pub samples: SampleCount,
+    pub samples: Count,
 }
 
 impl<'a> Method<'a> for Power {

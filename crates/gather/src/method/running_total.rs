@@ -131,9 +131,9 @@ mod tests {
     use crate::Inputs;
     use crate::contribution::VirtualShape;
     use crate::counters::Counters;
+    use crate::method::Count;
     use crate::method::conformance::{Estimates, gather_points, light_sets, room, running};
     use crate::method::fixtures::{all_lights, at};
-    use crate::method::stochastic_lightcuts::CutSize;
     use crate::method::{
         Fraction, MethodSpec, RunningTotalSpec, StochasticLightcutsSpec, Stopping,
     };
@@ -147,12 +147,12 @@ mod tests {
         inputs: &Inputs,
         tracer: &Tracer,
         x: GatherPoint,
-        cut: usize,
+        cut: u32,
         error: f64,
     ) -> (Vec<DVec3>, Counters) {
         let error = Fraction::try_from(error).expect("in range");
         let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
-            cut: CutSize(cut),
+            cut: Count::of(cut),
             stopping: Stopping::RunningTotal(RunningTotalSpec { error }),
             ..Default::default()
         });

@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer};
 use super::refinement::JUST_VISIBLE;
 use super::running_total::{RunningTotal, SampledCut};
 use super::shared_cuts::{BlockEdge, SharedCuts};
-use super::{Fraction, Method};
+use super::{Count, Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -37,7 +37,7 @@ pub struct StochasticLightcuts<'a> {
 #[serde(default, deny_unknown_fields, remote = "Self")]
 pub struct StochasticLightcutsSpec {
     /// Most clusters, and so most light samples a point, in 1..=65536.
-    pub cut: CutSize,
+    pub cut: Count,
     /// How children are weighed on the way down.
     pub weights: Weights,
     /// What to do when nothing below a node can light the point.
@@ -64,36 +64,6 @@ impl<'de> Deserialize<'de> for StochasticLightcutsSpec {
             ));
         }
         Ok(spec)
-    }
-}
-
-/// Number of clusters in a cut, 1..=65536.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "u64")]
-pub struct CutSize(pub(super) usize);
-
-impl CutSize {
-    /// As a number.
-    pub fn get(self) -> usize {
-        self.0
-    }
-}
-
-impl Default for CutSize {
-    /// 10, as in the paper.
-    fn default() -> Self {
-        Self(10)
-    }
-}
-
-impl TryFrom<u64> for CutSize {
-    type Error = String;
-
-    fn try_from(value: u64) -> Result<Self, String> {
-        match usize::try_from(value) {
-            Ok(size @ 1..=65536) => Ok(Self(size)),
-            _ => Err(format!("found {value}; expected 1..=65536")),
-        }
     }
 }
 
@@ -199,7 +169,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         let edge = self.spec.share.get();
         if let Some(tree) = self.tree.filter(|_| edge > 1) {
             let weights = self.spec.weights.node_weights();
-            let size = self.spec.cut.get();
+            let size = self.spec.cut.get() as usize;
             scratch
                 .shared
                 .refine(tile, edge, size, tree, weights, &mut scratch.cut);
@@ -220,7 +190,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
     ) {
         let Some(tree) = self.tree else { return };
         let weights = self.spec.weights.node_weights();
-        let size = self.spec.cut.get();
+        let size = self.spec.cut.get() as usize;
         if let Stopping::RunningTotal(RunningTotalSpec { error }) = self.spec.stopping {
             let mut running = RunningTotal::new(tree, weights, x, eval, rng);
             running.refine(sampled, size, error.get());
@@ -270,7 +240,7 @@ mod tests {
         for (name, lights) in light_sets(&scene, &tracer).into_iter().take(5) {
             let inputs = Inputs::new(lights, TreeBuilder::Binned);
             let spec = StochasticLightcutsSpec {
-                cut: CutSize(65536),
+                cut: Count::of(65536),
                 ..Default::default()
             };
             let method = StochasticLightcuts::prepare(&spec, &inputs);
@@ -320,7 +290,7 @@ mod tests {
             "the case has a dead branch: {dead}"
         );
         let method = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
-            cut: CutSize(1),
+            cut: Count::of(1),
             ..Default::default()
         });
         let count = 10_000;

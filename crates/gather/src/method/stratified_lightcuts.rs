@@ -10,8 +10,7 @@ use light_tree::{Draws, SharedCut, WideTree};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::stochastic_lightcuts::CutSize;
-use super::{Method, SampleCount};
+use super::{Count, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -30,9 +29,9 @@ pub struct StratifiedLightcuts<'a> {
 #[serde(default, deny_unknown_fields)]
 pub struct StratifiedLightcutsSpec {
     /// Lights a point, in 1..=65536.
-    pub samples: SampleCount,
+    pub samples: Count,
     /// Clusters that a tile shares, in 1..=65536.
-    pub clusters: CutSize,
+    pub clusters: Count,
     /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
     pub stratify: bool,
 }
@@ -40,8 +39,8 @@ pub struct StratifiedLightcutsSpec {
 impl Default for StratifiedLightcutsSpec {
     fn default() -> Self {
         Self {
-            samples: SampleCount::of(10),
-            clusters: CutSize(256),
+            samples: Count::of(10),
+            clusters: Count::of(256),
             stratify: true,
         }
     }
@@ -82,7 +81,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         let receivers: Vec<_> = tile.pilots.iter().map(|x| x.receiver).collect();
         scratch
             .shared
-            .refine(tree, &receivers, self.spec.clusters.get());
+            .refine(tree, &receivers, self.spec.clusters.get() as usize);
     }
 
     fn point<E: LightEval>(
@@ -99,7 +98,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         let cut = if is_seen && !shared.is_empty() {
             shared
         } else {
-            let size = OWN_CLUSTERS.min(self.spec.clusters.get());
+            let size = OWN_CLUSTERS.min(self.spec.clusters.get() as usize);
             own.refine(tree, &[x.receiver], size);
             own
         };
@@ -145,8 +144,8 @@ mod tests {
         for (name, lights) in light_sets(&scene, &tracer) {
             let inputs = Inputs::new(lights, TreeBuilder::Binned);
             let spec = StratifiedLightcutsSpec {
-                samples: SampleCount::of(4),
-                clusters: CutSize(12),
+                samples: Count::of(4),
+                clusters: Count::of(12),
                 ..Default::default()
             };
             let method = StratifiedLightcuts::prepare(&spec, &inputs);

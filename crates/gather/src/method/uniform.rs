@@ -4,7 +4,7 @@ use light_tree::LightId;
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::{Method, SampleCount};
+use super::{Count, Method};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -13,7 +13,7 @@ use crate::shadow_queue::LightEval;
 /// Draws `samples` lights, each of n with probability 1/n, independently. Unbiased; no tree is built.
 #[derive(Debug)]
 pub struct Uniform {
-    samples: SampleCount,
+    samples: Count,
     lights: usize,
 }
 
@@ -22,7 +22,7 @@ pub struct Uniform {
 #[serde(default, deny_unknown_fields)]
 pub struct UniformSpec {
     /// Light samples a point, in 1..=65536.
-    pub samples: SampleCount,
+    pub samples: Count,
 }
 
 impl<'a> Method<'a> for Uniform {

@@ -1,15 +1,15 @@
-//! How many lights a point draws.
+//! How many lights a point draws, or clusters a cut has.
 
 use serde::Deserialize;
 
-/// Number of light samples at a point, 1..=65536.
+/// Number of light samples at a point, or of clusters in a cut, 1..=65536.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "u64")]
-pub struct SampleCount(u32);
+pub struct Count(u32);
 
-impl SampleCount {
-    /// `count` samples, for a default.
-    pub(super) const fn of(count: u32) -> Self {
+impl Count {
+    /// `count`, which must be in range.
+    pub(crate) const fn of(count: u32) -> Self {
         assert!(count >= 1 && count <= 65536, "1..=65536");
         Self(count)
     }
@@ -20,14 +20,14 @@ impl SampleCount {
     }
 }
 
-impl Default for SampleCount {
+impl Default for Count {
     /// 10, the size of a cut in the published comparisons.
     fn default() -> Self {
         Self(10)
     }
 }
 
-impl TryFrom<u64> for SampleCount {
+impl TryFrom<u64> for Count {
     type Error = String;
 
     fn try_from(value: u64) -> Result<Self, String> {
