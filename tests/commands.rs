@@ -332,7 +332,7 @@ fn set_changes_any_field() {
         assert_eq!(report[key], value, "{key}");
     }
     let settings = report["method_settings"].as_str().expect("text");
-    assert!(settings.contains("cut: CutSize(3)"), "{settings}");
+    assert!(settings.contains("cut: Count(3)"), "{settings}");
     let count = whole_number(&report, "/lights/virtual");
     assert!((100..=800).contains(&count), "{count} virtual lights");
     assert_eq!(report["virtual_lights"]["radius"], 0.0, "points");

@@ -131,7 +131,7 @@ fn the_state_of_another_render_is_refused() {
         ("--size 33x18", "size is 32x18; expected 33x18"),
         ("--size 18x32", "size is 32x18"),
         ("--method all-lights", "method is Stochastic"),
-        ("--set method.cut=5", "CutSize(5)"),
+        ("--set method.cut=5", "Count(5)"),
         ("--set lights.count=501", "501"),
         ("--set lights=AsGiven", "expected AsGiven"),
         ("--set tree.builder=Morton", "Morton"),
