@@ -41,8 +41,8 @@ struct Parts {
     notes: LoadNotes,
 }
 
-/// Reads a scene. `path` names a `scene.ron`, or a glTF file with its own camera and lights, and may begin with an environment variable
-/// (`$MANYLIGHT_SCENES/sibenik/scene.ron`).
+/// Reads a scene. `path` names a `scene.ron`, or a glTF file with its own camera and lights, and may begin with an
+/// environment variable (`$MANYLIGHT_SCENES/sibenik/scene.ron`).
 ///
 /// A scene without triangles or without lights is legal, and black.
 ///

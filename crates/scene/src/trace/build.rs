@@ -7,6 +7,7 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 
 use super::bvh8::{Bvh8, Node8, WIDTH};
@@ -50,11 +51,7 @@ impl Bvh8 {
         if build.collapse(&binary).is_none() {
             // The tree of some input is a chain.
             build.bvh = Self::default();
-            let order = binary.primitive_indices.iter();
-            let triangles: Vec<u32> = order
-                .flat_map(|&p| build.primitives.triangles(p))
-                .copied()
-                .collect();
+            let triangles = build.primitives.all(&binary.primitive_indices);
             build.evenly(&triangles);
         }
         build.bvh.triangle_count = build.primitives.triangles.len();
@@ -81,14 +78,14 @@ fn bounds(mesh: &Mesh, triangle: u32) -> Aabb {
 }
 
 /// What the builder sees: triangles, and piles of them.
-struct Primitives {
+pub(super) struct Primitives {
     triangles: Vec<u32>,
     /// Where each primitive's triangles begin, and where the last one's end.
     starts: Vec<u32>,
 }
 
 impl Primitives {
-    fn of(mesh: &Mesh, triangles: Vec<u32>) -> Self {
+    pub(super) fn of(mesh: &Mesh, triangles: Vec<u32>) -> Self {
         let centres: Vec<Vec3A> = triangles
             .iter()
             .map(|&t| bounds(mesh, t).center())
@@ -118,20 +115,21 @@ impl Primitives {
         primitives
     }
 
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The triangles of all `primitives`, in their order.
+    fn all(&self, primitives: &[u32]) -> Vec<u32> {
+        let triangles = primitives.iter().flat_map(|&p| self.triangles(p));
+        triangles.copied().collect()
+    }
+
     fn triangles(&self, primitive: u32) -> &[u32] {
         let at = primitive as usize;
         &self.triangles[self.starts[at] as usize..self.starts[at + 1] as usize]
     }
-}
-
-/// A node of the binary tree and what is below it.
-#[derive(Debug, Clone, Copy, Default)]
-struct Member {
-    node: u32,
-    /// Where its primitives begin among the tree's indices, and how many they are.
-    first: u32,
-    primitives: u32,
-    triangles: u32,
 }
 
 /// A hierarchy under construction.
@@ -144,8 +142,7 @@ struct Build<'a> {
 
 impl Build<'_> {
     fn boxes(&self) -> Vec<Aabb> {
-        let count = self.primitives.starts.len() as u32 - 1;
-        (0..count)
+        (0..self.primitives.len() as u32)
             .map(|p| self.bounds(self.primitives.triangles(p)))
             .collect()
     }
@@ -161,9 +158,9 @@ impl Build<'_> {
         self.bvh.nodes.len() as u32 - 1
     }
 
-    fn push_block(&mut self, triangles: impl Iterator<Item = u32>) -> u32 {
+    fn push_block(&mut self, triangles: &[u32]) -> u32 {
         let mut block = TriangleBlock::EMPTY;
-        for (k, t) in triangles.enumerate() {
+        for (k, &t) in triangles.iter().enumerate() {
             let corners = self.mesh.corners(t as usize);
             block.set(k, corners, t, self.cutouts.is_mapped(t as usize));
         }
@@ -172,32 +169,27 @@ impl Build<'_> {
 
     /// Turns the binary tree into a wide one; `None` when that is too deep for the traversal stacks.
     fn collapse(&mut self, binary: &Bvh2) -> Option<()> {
-        let all = self.members(binary);
+        let counts = self.counts(binary);
         let root = self.push_node();
         // (wide node to fill, its binary nodes, depth)
-        let mut work = vec![(root, widest(binary, &all, 0), 1)];
+        let mut work = vec![(root, widest(binary, &counts, 0), 1)];
         while let Some((wide, members, depth)) = work.pop() {
             if depth > COLLAPSED_LEVELS {
                 return None;
             }
-            for (slot, member) in members.iter().enumerate() {
-                let node = &binary.nodes[member.node as usize];
-                let places = member.first as usize..(member.first + member.primitives) as usize;
-                let indices = &binary.primitive_indices[places];
-                let triangles = || {
-                    let primitives = indices.iter().map(|&p| self.primitives.triangles(p));
-                    primitives.flatten().copied().collect::<Vec<u32>>()
-                };
-                let link = if member.triangles as usize <= BLOCK {
-                    let triangles = triangles();
-                    self.push_block(triangles.into_iter())
-                } else if node.is_leaf() {
-                    let triangles = triangles();
-                    self.evenly(&triangles)
-                } else {
+            for (slot, &member) in members.iter().enumerate() {
+                let node = &binary.nodes[member as usize];
+                let link = if counts[member as usize] as usize > BLOCK && !node.is_leaf() {
                     let child = self.push_node();
-                    work.push((child, widest(binary, &all, member.node), depth + 1));
+                    work.push((child, widest(binary, &counts, member), depth + 1));
                     child
+                } else {
+                    let triangles = self.primitives.all(&primitives_below(binary, member));
+                    if triangles.len() <= BLOCK {
+                        self.push_block(&triangles)
+                    } else {
+                        self.evenly(&triangles)
+                    }
                 };
                 let bounds = node.aabb();
                 self.bvh.nodes[wide as usize].set(slot, bounds.min, bounds.max, link);
@@ -206,37 +198,24 @@ impl Build<'_> {
         Some(())
     }
 
-    /// What is below each node.
-    fn members(&self, binary: &Bvh2) -> Vec<Member> {
-        let mut members = vec![Member::default(); binary.nodes.len()];
+    /// How many triangles are below each node.
+    fn counts(&self, binary: &Bvh2) -> Vec<u32> {
+        let mut counts = vec![0; binary.nodes.len()];
         // Each node is met twice, the second time when all below it is known: a chain may be deeper than the thread's stack.
         let mut work = vec![(0u32, false)];
         while let Some((node, is_known)) = work.pop() {
             let n = &binary.nodes[node as usize];
             let first = n.first_index;
-            members[node as usize] = if n.is_leaf() {
-                let places = first as usize..(first + n.prim_count) as usize;
+            if n.is_leaf() {
                 let count = |&p: &u32| self.primitives.triangles(p).len() as u32;
-                Member {
-                    node,
-                    first,
-                    primitives: n.prim_count,
-                    triangles: binary.primitive_indices[places].iter().map(count).sum(),
-                }
+                counts[node as usize] = primitives_of(binary, n).iter().map(count).sum();
             } else if is_known {
-                let [a, b] = [first, first + 1].map(|child| members[child as usize]);
-                Member {
-                    node,
-                    first: a.first.min(b.first),
-                    primitives: a.primitives + b.primitives,
-                    triangles: a.triangles + b.triangles,
-                }
+                counts[node as usize] = counts[first as usize] + counts[first as usize + 1];
             } else {
                 work.extend([(node, true), (first, false), (first + 1, false)]);
-                continue;
-            };
+            }
         }
-        members
+        counts
     }
 
     /// Adds an 8-ary tree over `triangles` in their order, of logarithmic depth wherever they are, and returns the link to it.
@@ -250,7 +229,7 @@ impl Build<'_> {
                 let part = from..(from + step).min(range.end);
                 let bounds = self.bounds(&triangles[part.clone()]);
                 let link = if part.len() <= BLOCK {
-                    self.push_block(triangles[part].iter().copied())
+                    self.push_block(&triangles[part])
                 } else {
                     let child = self.push_node();
                     work.push((child, part));
@@ -263,25 +242,48 @@ impl Build<'_> {
     }
 }
 
+/// The primitives of a leaf.
+fn primitives_of<'a>(binary: &'a Bvh2, leaf: &Bvh2Node) -> &'a [u32] {
+    let first = leaf.first_index as usize;
+    &binary.primitive_indices[first..first + leaf.prim_count as usize]
+}
+
+/// The primitives of all leaves below `node`, or its own: the builder moves subtrees about, so that they do not lie side by
+/// side.
+fn primitives_below(binary: &Bvh2, node: u32) -> Vec<u32> {
+    let mut primitives = Vec::new();
+    let mut work = vec![node];
+    while let Some(node) = work.pop() {
+        let node = &binary.nodes[node as usize];
+        if node.is_leaf() {
+            primitives.extend_from_slice(primitives_of(binary, node));
+        } else {
+            work.extend([node.first_index + 1, node.first_index]);
+        }
+    }
+    primitives
+}
+
 /// Up to eight binary nodes that together cover `node`: the largest that no block holds is opened until none fits.
-fn widest(binary: &Bvh2, all: &[Member], node: u32) -> Vec<Member> {
-    let mut members = vec![all[node as usize]];
+/// `counts` are the triangles below each node.
+fn widest(binary: &Bvh2, counts: &[u32], node: u32) -> Vec<u32> {
+    let mut members = vec![node];
     while members.len() < WIDTH {
-        let node = |m: &Member| &binary.nodes[m.node as usize];
+        let node = |m: u32| &binary.nodes[m as usize];
         let Some((slot, &open)) = members
             .iter()
             .enumerate()
-            .filter(|(_, m)| m.triangles as usize > BLOCK && !node(m).is_leaf())
+            .filter(|(_, m)| counts[**m as usize] as usize > BLOCK && !node(**m).is_leaf())
             .max_by(|a, b| {
                 let area = |m| node(m).aabb().half_area();
-                area(a.1).total_cmp(&area(b.1))
+                area(*a.1).total_cmp(&area(*b.1))
             })
         else {
             break;
         };
-        let first = node(&open).first_index as usize;
-        members[slot] = all[first];
-        members.push(all[first + 1]);
+        let first = node(open).first_index;
+        members[slot] = first;
+        members.push(first + 1);
     }
     members
 }

@@ -1,7 +1,7 @@
 //! One ray at a time.
 
 use super::bvh8::{self, NodeRay};
-use super::triangle::{TriangleBlock, WatertightRay};
+use super::triangle::{TriangleBlock, TriangleHit, WatertightRay};
 use super::width::{Four, Width};
 use super::{Hit, Ray, Tracer};
 
@@ -50,7 +50,7 @@ impl Tracer {
                 let hits = block.intersect(&watertight, t_max);
                 for k in bits(hits.mask) {
                     let hit = hits.hit(k);
-                    if hit.t < t_max && self.counts(block, k, hit.u, hit.v) {
+                    if hit.t < t_max && self.is_solid(block, k, || hit) {
                         t_max = hit.t;
                         best = Some(Hit {
                             t: hit.t,
@@ -129,18 +129,16 @@ impl Tracer {
     pub(super) fn block_stops(&self, block: usize, ray: &WatertightRay, t_max: f32) -> bool {
         let block = &self.bvh.blocks[block];
         let hits = block.intersect(ray, t_max);
-        bits(hits.mask).any(|k| {
-            !block.is_cutout(k) || {
-                let hit = hits.hit(k);
-                self.counts(block, k, hit.u, hit.v)
-            }
-        })
+        bits(hits.mask).any(|k| self.is_solid(block, k, || hits.hit(k)))
     }
 
-    /// Whether a hit on triangle `k` of `block` is on a part of it that is there.
+    /// Whether a hit on triangle `k` of `block` is on a part of it that is there; `hit` is asked for where that depends on it.
     #[inline(always)]
-    fn counts(&self, block: &TriangleBlock, k: usize, u: f32, v: f32) -> bool {
-        !block.is_cutout(k) || self.cutouts.is_solid(block.id(k), u, v)
+    fn is_solid(&self, block: &TriangleBlock, k: usize, hit: impl Fn() -> TriangleHit) -> bool {
+        !block.is_cutout(k) || {
+            let TriangleHit { u, v, .. } = hit();
+            self.cutouts.is_solid(block.id(k), u, v)
+        }
     }
 }
 

@@ -141,6 +141,19 @@ impl TriangleBlock {
         self.tags[k] & !CUTOUT
     }
 
+    /// The triangles in places that are not empty.
+    #[cfg(test)]
+    pub(crate) fn ids(&self) -> Vec<u32> {
+        let is_empty = |k: usize| {
+            [self.a, self.b, self.c]
+                .iter()
+                .flatten()
+                .all(|v| v[k] == 0.0)
+        };
+        let used = (0..BLOCK).filter(|&k| !is_empty(k));
+        used.map(|k| self.id(k)).collect()
+    }
+
     #[inline(always)]
     pub(crate) fn is_cutout(&self, k: usize) -> bool {
         self.tags[k] & CUTOUT != 0
