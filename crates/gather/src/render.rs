@@ -73,6 +73,8 @@ struct Tile {
     done: u32,
     pixels: Vec<PixelStats>,
     features: Vec<Features>,
+    /// What the method keeps of the tile from pass to pass.
+    learned: Vec<f32>,
     counters: Counters,
 }
 
@@ -151,6 +153,7 @@ impl<'a> Render<'a> {
                 done: 0,
                 pixels: vec![PixelStats::default(); pixels],
                 features: vec![Features::default(); pixels],
+                learned: Vec::new(),
                 counters: Counters::default(),
             });
         }
@@ -409,14 +412,27 @@ impl<F> PassOf<'_, F> {
             Rng::new(self.spec.seed, pixel, number, purpose)
         };
         let stream = |slot: u32, purpose| vertex_stream(slot, 0, purpose);
+        let probe_stream = |number| {
+            Rng::new(
+                self.spec.seed,
+                self.pixel_index(tile, 0),
+                number,
+                Purpose::Probe,
+            )
+        };
         let handed = TilePoints {
             points: &scratch.points,
             width: tile.width,
             samples: samples as u32,
             pilots: &scratch.pilots,
+            probe_stream: &probe_stream(0),
             stream: &stream,
         };
-        method.begin_tile(&handed, &mut scratch.method);
+        let began = Instant::now();
+        let mut learned = tile.learned.clone();
+        queue.begin_tile(probe_stream(1));
+        method.begin_tile(&handed, &mut queue, &mut learned, &mut scratch.method);
+        queue.counters.time(Phase::Cut, began.elapsed());
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
         let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
@@ -442,6 +458,7 @@ impl<F> PassOf<'_, F> {
             }
         }
         std::mem::swap(&mut tile.features, &mut scratch.features);
+        tile.learned = learned;
         tile.done = self.until;
         tile.counters.merge(&counters);
         tile.counters.camera_rays += slots as u64;

@@ -110,6 +110,11 @@ impl<'a> ShadowQueue<'a> {
         }
     }
 
+    /// Begins a tile, before its first gather point: `rng` serves points on lights until then.
+    pub fn begin_tile(&mut self, rng: Rng) {
+        self.rng = rng;
+    }
+
     /// Begins a gather point: `rng` serves points on lights.
     pub fn begin_point(&mut self, rng: Rng) {
         self.begin_points(1, rng);

@@ -17,6 +17,8 @@ pub struct TilePoints<'a> {
     /// What is seen at the centres of every fourth pixel in every fourth row, the same in every pass; empty unless the
     /// method [`asks`](crate::Method::PILOTS).
     pub pilots: &'a [GatherPoint],
+    /// A random stream of the tile, the same in every pass.
+    pub probe_stream: &'a Rng,
     /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.
     pub stream: &'a dyn Fn(u32, Purpose) -> Rng,
 }

@@ -158,6 +158,27 @@ impl SharedCut {
         }
     }
 
+    /// Draws one light from the `i`-th cluster; `None` when nothing in it can light the receiver.
+    pub fn draw_within(
+        &self,
+        tree: &WideTree,
+        receiver: &Receiver,
+        i: usize,
+        u: f64,
+        draws: &mut Draws,
+    ) -> Option<Drawn> {
+        draws.lights.clear();
+        draws.picks.clear();
+        draws.dead = 0;
+        draws.picks.push(Pick {
+            cluster: self.cluster(i),
+            expected: 1.0,
+            u,
+        });
+        tree.descend_all(receiver, draws);
+        draws.lights.first().copied()
+    }
+
     /// Draws `samples` ≥ 1 lights, or a few more or less, in proportion to the weights that [`weigh`](Self::weigh)
     /// worked out; [`Draws::lights`] has them.
     ///
@@ -255,6 +276,20 @@ impl Draws {
     /// The lights that were drawn; the same one may be among them more than once.
     pub fn lights(&self) -> &[Drawn] {
         &self.lights
+    }
+
+    /// What the `i`-th cluster is expected to bring, after [`SharedCut::weigh`].
+    pub fn weight(&self, i: usize) -> f32 {
+        self.weights[i / WIDTH][i % WIDTH]
+    }
+
+    /// Multiplies the weights by `factors`, > 0, one for each cluster.
+    pub fn scale(&mut self, factors: &[f32]) {
+        for (weights, factors) in self.weights.iter_mut().zip(factors.chunks(WIDTH)) {
+            for (weight, factor) in weights.iter_mut().zip(factors) {
+                *weight *= factor;
+            }
+        }
     }
 
     /// How many draws ended in a cluster that cannot light the receiver.

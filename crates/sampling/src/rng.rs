@@ -24,6 +24,8 @@ pub enum Purpose {
     Sequence = 8,
     /// Choice of the gather point that a block of pixels takes its cut from.
     Pivot = 7,
+    /// What is found out about a tile before lights are chosen.
+    Probe = 9,
 }
 
 /// A stream of random numbers: rand's portable xoshiro128++, the same on every platform.

@@ -8,6 +8,7 @@ mod importance;
 mod lightcuts;
 mod multidimensional;
 mod power;
+mod probes;
 mod refinement;
 mod running_total;
 mod shared_cuts;
@@ -60,7 +61,17 @@ pub trait Method<'a>: Sized + Sync {
 
     /// Begins one pass over a tile, with all gather points that will be handed over: for methods that do something for
     /// many of them at once. A method must do without it where it is not called.
-    fn begin_tile(&self, _tile: &TilePoints<'_>, _scratch: &mut Self::Scratch) {}
+    ///
+    /// `learned` is empty at first, and what the method leaves in it is there again in the next pass over the tile, unless
+    /// the render was stopped in between: it must be a function of what is the same in all passes.
+    fn begin_tile<E: LightEval>(
+        &self,
+        _tile: &TilePoints<'_>,
+        _eval: &mut E,
+        _learned: &mut Vec<f32>,
+        _scratch: &mut Self::Scratch,
+    ) {
+    }
 
     /// Adds the light of all lights at `x`, or an estimate of it.
     fn point<E: LightEval>(

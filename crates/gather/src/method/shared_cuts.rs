@@ -171,6 +171,7 @@ mod tests {
                 points: &points,
                 width: 16,
                 samples: SAMPLES,
+                probe_stream: &stream(0, Purpose::Probe),
                 stream: &stream,
             };
             let mut memory = QueueScratch::default();
@@ -184,7 +185,7 @@ mod tests {
                 &mut memory,
             );
             let mut scratch = Default::default();
-            method.begin_tile(&tile, &mut scratch);
+            method.begin_tile(&tile, &mut queue, &mut Vec::new(), &mut scratch);
             for x in &points {
                 queue.begin_point(stream(x.slot, Purpose::LightSurface));
                 let mut rng = stream(x.slot, Purpose::Lights);

@@ -165,7 +165,13 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         self.spec.dead_branches == DeadBranches::Stop && self.spec.stopping == Stopping::Bounds
     }
 
-    fn begin_tile(&self, tile: &TilePoints<'_>, scratch: &mut StochasticLightcutsScratch) {
+    fn begin_tile<E: LightEval>(
+        &self,
+        tile: &TilePoints<'_>,
+        _eval: &mut E,
+        _learned: &mut Vec<f32>,
+        scratch: &mut StochasticLightcutsScratch,
+    ) {
         let edge = self.spec.share.get();
         if let Some(tree) = self.tree.filter(|_| edge > 1) {
             let weights = self.spec.weights.node_weights();

@@ -10,7 +10,7 @@ use light_tree::{Draws, SharedCut, WideTree};
 use sampling::Rng;
 use serde::Deserialize;
 
-use super::{Count, Method};
+use super::{Count, Method, probes};
 use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
@@ -32,6 +32,8 @@ pub struct StratifiedLightcutsSpec {
     pub samples: Count,
     /// Clusters that a tile shares, in 1..=65536.
     pub clusters: Count,
+    /// Whether weights are set right by what reaches the tile, as a few rays find out.
+    pub learn: bool,
     /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
     pub stratify: bool,
 }
@@ -41,6 +43,7 @@ impl Default for StratifiedLightcutsSpec {
         Self {
             samples: Count::of(10),
             clusters: Count::of(256),
+            learn: true,
             stratify: true,
         }
     }
@@ -48,6 +51,9 @@ impl Default for StratifiedLightcutsSpec {
 
 /// Clusters of a point that no tile's cut was made for.
 const OWN_CLUSTERS: usize = 64;
+/// The first sample of a pixel that is drawn by what was learned: the ones before are to be had at once, and so many are a
+/// block of the sequence.
+const LEARNED_FROM: u32 = 2;
 /// The sequence's dimension that chooses lights, after the two of the place in the pixel.
 const LIGHTS: u32 = 2;
 
@@ -57,6 +63,8 @@ pub struct StratifiedScratch {
     shared: SharedCut,
     own: SharedCut,
     draws: Draws,
+    /// What the weights of the shared clusters are multiplied by; empty for nothing.
+    factors: Vec<f32>,
 }
 
 impl<'a> Method<'a> for StratifiedLightcuts<'a> {
@@ -76,12 +84,28 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         true
     }
 
-    fn begin_tile(&self, tile: &TilePoints<'_>, scratch: &mut StratifiedScratch) {
+    fn begin_tile<E: LightEval>(
+        &self,
+        tile: &TilePoints<'_>,
+        eval: &mut E,
+        learned: &mut Vec<f32>,
+        scratch: &mut StratifiedScratch,
+    ) {
         let Some(tree) = self.tree else { return };
+        let StratifiedScratch {
+            shared,
+            draws,
+            factors,
+            ..
+        } = scratch;
         let receivers: Vec<_> = tile.pilots.iter().map(|x| x.receiver).collect();
-        scratch
-            .shared
-            .refine(tree, &receivers, self.spec.clusters.get() as usize);
+        shared.refine(tree, &receivers, self.spec.clusters.get() as usize);
+        let is_late = |x: &GatherPoint| x.bounce == 0 && x.sample >= LEARNED_FROM;
+        if self.spec.learn && learned.is_empty() && tile.points.iter().any(is_late) {
+            let rng = &mut tile.probe_stream.clone();
+            *learned = probes::factors(shared, tree, tile.pilots, eval, rng, draws);
+        }
+        factors.clone_from(learned);
     }
 
     fn point<E: LightEval>(
@@ -92,10 +116,16 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         scratch: &mut StratifiedScratch,
     ) {
         let Some(tree) = self.tree else { return };
-        let StratifiedScratch { shared, own, draws } = scratch;
+        let StratifiedScratch {
+            shared,
+            own,
+            draws,
+            factors,
+        } = scratch;
         // Behind the first hit points lie anywhere, and which path got there is random.
         let is_seen = x.bounce == 0;
-        let cut = if is_seen && !shared.is_empty() {
+        let is_shared = is_seen && !shared.is_empty();
+        let cut = if is_shared {
             shared
         } else {
             let size = OWN_CLUSTERS.min(self.spec.clusters.get() as usize);
@@ -103,6 +133,9 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             own
         };
         cut.weigh(tree, &x.receiver, draws);
+        if is_shared && x.sample >= LEARNED_FROM {
+            draws.scale(factors);
+        }
         eval.mark(Phase::Cut);
         let u = if self.spec.stratify && is_seen {
             // The sequence ends at 2⁻²⁴: what chooses deep in the tree is random.
@@ -140,7 +173,11 @@ mod tests {
         let tracer = Tracer::build(&scene);
         let points = gather_points(&scene);
         let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
-        let mut checked = 0;
+        let late = [points[0], points[1]].map(|x| GatherPoint {
+            sample: LEARNED_FROM,
+            ..x
+        });
+        let (mut checked, mut has_learned) = (0, false);
         for (name, lights) in light_sets(&scene, &tracer) {
             let inputs = Inputs::new(lights, TreeBuilder::Binned);
             let spec = StratifiedLightcutsSpec {
@@ -150,16 +187,25 @@ mod tests {
             };
             let method = StratifiedLightcuts::prepare(&spec, &inputs);
             let mut scratch = StratifiedScratch::default();
+            let mut memory = QueueScratch::default();
+            let shape = VirtualShape::Sphere;
+            let mut queue =
+                ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
+            let mut learned = Vec::new();
             method.begin_tile(
                 &TilePoints {
-                    points: &[],
+                    points: &late,
                     width: 1,
                     samples: 1,
-                    pilots: &points[..2],
+                    pilots: &late,
+                    probe_stream: &stream(0, Purpose::Probe),
                     stream: &stream,
                 },
+                &mut queue,
+                &mut learned,
                 &mut scratch,
             );
+            has_learned |= learned.iter().any(|&factor| factor != 1.0);
             for x in &points[2..] {
                 let count = 3000;
                 let mut memory = QueueScratch::default();
@@ -176,6 +222,7 @@ mod tests {
                     let x = GatherPoint {
                         slot,
                         sequence: Sequence(slot),
+                        sample: LEARNED_FROM,
                         ..*x
                     };
                     let rng = &mut stream(slot, Purpose::Lights);
@@ -209,6 +256,6 @@ mod tests {
                 checked += 1;
             }
         }
-        assert!(checked >= 30, "{checked} cases");
+        assert!(checked >= 30 && has_learned, "{checked} cases");
     }
 }
