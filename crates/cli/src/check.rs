@@ -36,7 +36,10 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
             v.count.0, v.max_bounces.0
         ));
     }
-    answer.line(format_args!("camera     {:?}", scene.camera));
+    answer.line(format_args!(
+        "camera     {:?}",
+        scene.camera.moved_by(scene.origin)
+    ));
     answer.line(format_args!(
         "picture    {}x{}, {} samples a pixel",
         job.width, job.height, job.spp

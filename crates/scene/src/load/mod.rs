@@ -10,6 +10,7 @@ mod lights;
 mod mtl;
 mod obj;
 mod obj_check;
+mod place;
 mod scene_file;
 mod source;
 mod texture;
@@ -134,9 +135,12 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         emissive: Vec::new(),
         environment: lights.environment,
         camera,
+        origin: glam::Vec3::ZERO,
         metres_per_unit: file.metres_per_unit.0,
         notes,
     };
+    place::check_extent(&scene.mesh).map_err(|message| SceneError::file(&shown, message))?;
+    place::centre(&mut scene);
     if lights.emissive {
         emissive::find(&mut scene);
     }
