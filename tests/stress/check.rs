@@ -87,9 +87,8 @@ pub(crate) fn check(case: &Case, checks: usize) -> Vec<Finding> {
         let off_all = (*method != all_lights).then(|| difference(method, &rendered, &truth));
         if let Some(Difference { relative, z, noise }) = off_all {
             let wrong = match z {
-                // A comparison with NaN is false.
-                Some(z) => case.hopeless != Some(method.name()) && !(z.abs() < limit),
-                None => !(relative.abs() < BIAS + limit * noise),
+                Some(z) => case.hopeless != Some(method.name()) && (z.is_nan() || z.abs() >= limit),
+                None => relative.is_nan() || relative.abs() >= BIAS + limit * noise,
             };
             if wrong {
                 let message = format!(
@@ -173,7 +172,7 @@ fn against_known(
             "mean {} instead of {expected} {what}: off by {off:.1e}",
             rendered.mean
         );
-        (!(off <= within)).then_some(text)
+        (off.is_nan() || off > within).then_some(text)
     };
     let mut problem = match &case.expected {
         Expected::Black => note("(black)", DVec3::ZERO, 0.0),
@@ -184,10 +183,10 @@ fn against_known(
         }
         Expected::Nothing | Expected::SameBits(_) => None,
     };
-    if case.rounding.is_finite() {
-        if let Some(expected) = exact::mean(built, &spec(built, case.size)) {
-            problem = problem.or(note("in double precision", expected, case.rounding));
-        }
+    if case.rounding.is_finite()
+        && let Some(expected) = exact::mean(built, &spec(built, case.size))
+    {
+        problem = problem.or(note("in double precision", expected, case.rounding));
     }
     (worst, problem)
 }

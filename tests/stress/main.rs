@@ -49,6 +49,6 @@ fn every_method_is_sound_where_numbers_are_extreme() {
 #[ignore = "minutes: every kind of light, and a million of them"]
 fn the_whole() {
     let findings = findings(false);
-    println!("{}", table::markdown(&findings));
+    eprintln!("{}", table::markdown(&findings));
     assert_sound(&findings);
 }

@@ -298,7 +298,7 @@ fn write_files(room: &Room, lights: &Lights, folder: &Path) -> std::io::Result<(
     }
     let mut mtl = format!("newmtl room\n{}\n", room.material);
     for (i, (at, colour)) in lights.of(Kind::Panels).take(6).enumerate() {
-        let _ = write!(obj, "usemtl panel{i}\n");
+        let _ = writeln!(obj, "usemtl panel{i}");
         let toward = (Vec3::new(0.0, 1.0, 0.0) - at).normalize_or(Vec3::Y);
         let (t, b) = toward.any_orthonormal_pair();
         for p in [at, at + 0.4 * t, at + 0.3 * b + 0.1 * t].map(place) {

@@ -13,6 +13,9 @@ use crate::machine::{available_memory, human};
 pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
     let scene = scene::load::load(&job.scene)?;
+    job.limit
+        .refuse_triangles(scene.mesh.len())
+        .map_err(|message| CliError::Input(format!("{}: {message}", job.scene.display())))?;
     let tracer = Tracer::build(&scene);
     let lights = vpl::source_lights(&scene);
     let notes = &scene.notes;

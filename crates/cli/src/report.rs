@@ -234,6 +234,7 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         method,
         seed,
         name: _,
+        limit: _,
     } = job;
     [
         ("version", env!("CARGO_PKG_VERSION").to_owned()),

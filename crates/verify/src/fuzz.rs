@@ -223,23 +223,26 @@ fn keep(name: &str, number: u64, bytes: &[u8]) -> PathBuf {
     path
 }
 
+/// The input under way: when it was begun, its number, and its bytes.
+type Now = Option<(Instant, u64, Vec<u8>)>;
+
 /// Ends the process when an input takes too long.
 struct Watch {
-    now: Arc<Mutex<Option<(Instant, u64, Vec<u8>)>>>,
+    now: Arc<Mutex<Now>>,
 }
 
 impl Watch {
     fn new(name: &str) -> Self {
-        let now = Arc::new(Mutex::new(None::<(Instant, u64, Vec<u8>)>));
+        let now = Arc::new(Mutex::new(Now::None));
         let (seen, name) = (Arc::downgrade(&now), name.to_owned());
         std::thread::spawn(move || {
             while let Some(now) = seen.upgrade() {
-                if let Ok(Some((begun, number, bytes))) = now.lock().as_deref() {
-                    if begun.elapsed() > HANGS_AFTER {
-                        let kept = keep(&name, *number, bytes);
-                        eprintln!("{name}: input {number} hangs: {}", kept.display());
-                        std::process::abort();
-                    }
+                if let Ok(Some((begun, number, bytes))) = now.lock().as_deref()
+                    && begun.elapsed() > HANGS_AFTER
+                {
+                    let kept = keep(&name, *number, bytes);
+                    eprintln!("{name}: input {number} hangs: {}", kept.display());
+                    std::process::abort();
                 }
                 drop(now);
                 std::thread::sleep(Duration::from_secs(1));
@@ -302,7 +305,9 @@ mod tests {
         });
         assert!(found, "a panic");
         let much = || 101;
-        let found = silent(&|| drop(fuzz("memory", &much).run(1, |_| true)));
+        let found = silent(&|| {
+            fuzz("memory", &much).run(1, |_| true);
+        });
         assert!(found, "memory");
         let outcome = fuzz("sound", &little).run(500, |bytes| bytes.starts_with(b"("));
         assert!(

@@ -3,6 +3,7 @@
 //! Scene files are untrusted: every number is checked, nothing panics, and names in files cannot leave the
 //! scene's folder. What is dropped is counted in [`LoadNotes`].
 
+mod decode;
 mod emissive;
 mod environment;
 mod gltf;

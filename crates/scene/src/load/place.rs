@@ -57,7 +57,7 @@ pub(super) fn centre(scene: &mut Scene) {
     scene.origin = origin;
     scene.notes.remarks.push(format!(
         "the scene lies far from the origin: it is computed relative to {:?}",
-        Vec3::from(origin).to_array()
+        origin.to_array()
     ));
 }
 
