@@ -48,6 +48,8 @@ const RUN_FILES: &[Change] = &[
     ("kind: Vsl", "kind: Vsl(radius: 1e999)", 4, &["radius", "found inf"]),
     ("kind: Vsl", "kind: Vpl(clamp: 0)", 4, &["clamp", "found 0"]),
     ("kind: Vsl", "kind: Vpl(clamp: NaN)", 4, &["clamp", "found NaN"]),
+    ("kind: Vsl", "kind: Vpl(compensate: true)", 4, &["lights: found compensate: true", "expected clamp"]),
+    ("kind: Vsl", "kind: Vpl(clamp: 1, compensate: 1)", 4, &["compensate"]),
     ("kind: Vsl", "kind: Vxl", 4, &["Vxl", "Vsl"]),
     ("Virtual(", "Real(", 4, &["Real", "Virtual"]),
     ("cut: 4", "cut: 0", 5, &["method.cut", "found 0; expected 1..=65536"]),

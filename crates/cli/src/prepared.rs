@@ -97,6 +97,7 @@ fn add_virtual_lights(
     let trace = VirtualLightSpec {
         count: spec.count.0,
         max_bounces: spec.max_bounces.0,
+        keep_bounces: job.lights.compensates(),
         seed: spec.seed.unwrap_or(job.seed),
     };
     let stats = vpl::trace(&loaded.scene, &loaded.tracer, &trace, lights);

@@ -99,7 +99,7 @@ fn cells(
                             width: spec.image.width.0,
                             height: spec.image.height.0,
                             spp: budget.most_spp(),
-                            integrator: spec.integrator.into(),
+                            integrator: spec.integrator.under(&lights_spec),
                             lights: lights_spec,
                             tree: TreeSpec { builder },
                             method: entry.method.clone(),
