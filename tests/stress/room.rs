@@ -273,6 +273,7 @@ fn add_traced(scene: &mut Scene, set: &mut LightSet) {
         count: 100,
         max_bounces: 4,
         seed: 5,
+        keep_bounces: false,
     };
     let tracer = Tracer::build(scene);
     vpl::trace(scene, &tracer, &spec, set);

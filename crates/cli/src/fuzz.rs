@@ -57,7 +57,7 @@ fn peak() -> usize {
     peak
 }
 
-fn fuzz<'a>(name: &'a str, seed: Vec<u8>, repair: fn(&mut Vec<u8>)) -> Fuzz<'a> {
+fn fuzz<'a>(name: &'a str, seed: Vec<u8>, repair: fn(&mut [u8])) -> Fuzz<'a> {
     Fuzz {
         name,
         seeds: vec![seed],
@@ -81,7 +81,7 @@ fn arguments(file: &Path) -> JobArgs {
 }
 
 /// The check sum at the end of a state.
-fn repair_state(bytes: &mut Vec<u8>) {
+fn repair_state(bytes: &mut [u8]) {
     if let Some(end) = bytes.len().checked_sub(8) {
         let mut sum = Fnv::default();
         sum.bytes(&bytes[..end]);

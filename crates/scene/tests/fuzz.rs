@@ -21,7 +21,7 @@ struct Target {
     scene: &'static str,
     seeds: Vec<Vec<u8>>,
     words: &'static [&'static str],
-    repair: fn(&mut Vec<u8>),
+    repair: fn(&mut [u8]),
 }
 
 const SCENE: &str = "(
@@ -63,7 +63,7 @@ fn picture(format: ImageFormat) -> Vec<u8> {
 }
 
 /// Check sums of all chunks of a PNG that are whole.
-fn repair_png(bytes: &mut Vec<u8>) {
+fn repair_png(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4) {
         let length = u32::from_be_bytes(length.try_into().expect("four bytes")) as usize;
@@ -86,7 +86,7 @@ fn repair_png(bytes: &mut Vec<u8>) {
 }
 
 /// Lengths of a GLB's header and of its first chunk's.
-fn repair_glb(bytes: &mut Vec<u8>) {
+fn repair_glb(bytes: &mut [u8]) {
     let whole = (bytes.len() as u32).to_le_bytes();
     if let Some(length) = bytes.get_mut(8..12) {
         length.copy_from_slice(&whole);

@@ -54,7 +54,7 @@ pub struct Fuzz<'a> {
     /// Pieces of text that are put in here and there.
     pub words: &'a [&'a str],
     /// Makes damage reach beyond a check sum, in every other input.
-    pub repair: fn(&mut Vec<u8>),
+    pub repair: fn(&mut [u8]),
     /// Greatest number of bytes allocated at once since the last call.
     pub peak: &'a dyn Fn() -> usize,
     /// No input may need more bytes at once.

@@ -1,6 +1,6 @@
 //! Where the scene lies in the space of numbers, and how large it is there.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use crate::{Mesh, Scene};
 
@@ -63,6 +63,8 @@ pub(super) fn centre(scene: &mut Scene) {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::{CameraSpec, Emitter};
 
