@@ -23,7 +23,11 @@ fn spread(n: u32) -> f64 {
 /// Starts the command, kills it after `delay`, and says whether it was still there to be killed.
 fn kill_after(folder: &Folder, line: &str, delay: Duration) -> bool {
     let mut command = folder.command(line);
-    let mut child = command.stderr(Stdio::null()).spawn().expect("starts");
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("starts");
     std::thread::sleep(delay);
     let was_running = matches!(child.try_wait(), Ok(None));
     child.kill().expect("kills");
@@ -106,7 +110,7 @@ fn a_render_killed_at_any_moment_leaves_whole_files_and_goes_on_to_the_same_bits
 #[test]
 #[ignore = "minutes: a hundred moments"]
 fn a_render_killed_at_a_hundred_moments_goes_on_to_the_same_bits() {
-    kill_renders(130);
+    kill_renders(160);
 }
 
 const EXPERIMENT: &str = "(
@@ -160,7 +164,7 @@ fn pictures(folder: &Folder, name: &str) -> Vec<Vec<[u32; 3]>> {
 #[test]
 #[ignore = "minutes: a hundred moments"]
 fn an_experiment_killed_at_a_hundred_moments_goes_on_to_the_same_pictures() {
-    kill_experiments(120);
+    kill_experiments(180);
 }
 
 /// Runs the command where no file may be larger than so many blocks of 512 bytes, and writing more is an error, as it is

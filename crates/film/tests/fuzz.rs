@@ -72,7 +72,7 @@ fn damaged_pictures_are_read_or_refused_in_little_time_and_memory() {
 }
 
 #[test]
-#[ignore = "minutes: a hundred thousand files"]
+#[ignore = "minutes: tens of thousands of files"]
 fn very_many_damaged_pictures_are_read_or_refused() {
-    eprintln!("exr: {:?}", fuzz(100_000));
+    eprintln!("exr: {:?}", fuzz(60_000));
 }
