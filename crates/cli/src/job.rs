@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use crate::args::JobArgs;
 use crate::error::CliError;
-use crate::machine::{available_memory, human};
+use crate::limits::MemoryLimit;
 
 /// A run file as written.
 #[derive(Debug, Deserialize)]
@@ -320,6 +320,8 @@ pub(crate) struct Job {
     pub(crate) seed: u64,
     /// The run file's stem.
     pub(crate) name: String,
+    /// What it may take.
+    pub(crate) limit: MemoryLimit,
 }
 
 impl Job {
@@ -377,6 +379,9 @@ impl Job {
             method: spec.method,
             seed: arguments.seed.unwrap_or(spec.seed),
             name: stem.unwrap_or_else(|| "render".into()),
+            limit: MemoryLimit {
+                most: arguments.max_memory,
+            },
         })
     }
 
@@ -404,19 +409,14 @@ impl Job {
 
     /// Refuses a job that would not fit into memory, before anything large is allocated.
     pub(crate) fn refuse_too_large(&self) -> Result<(), CliError> {
-        let needed = self.memory();
-        match available_memory() {
-            Some(available) if needed > available => Err(CliError::Input(format!(
-                "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
-                 lower image.width, image.height or lights.count",
+        self.limit.refuse(self.memory()).map_err(|message| {
+            CliError::Input(format!(
+                "{}: a {}x{} picture and its lights need {message}: lower image.width, image.height or lights.count",
                 self.file.display(),
                 self.width,
                 self.height,
-                human(needed),
-                human(available)
-            ))),
-            _ => Ok(()),
-        }
+            ))
+        })
     }
 }
 

@@ -751,7 +751,7 @@ fn broken_files_are_refused_by_name_and_place() {
         (
             "/nodes/0/translation",
             json!([1e30, 0, 0]),
-            &["nodes[0]: found", "1e15"],
+            &["nodes[0]: found", "1e12"],
         ),
         (
             "/nodes/1/extensions/KHR_lights_punctual/light",

@@ -7,6 +7,7 @@ use experiment::Coordinates;
 use super::budget::Budget;
 use super::spec::{Labelled, Spec};
 use crate::job::{Job, LightsSpec, TreeSpec};
+use crate::limits::MemoryLimit;
 
 /// A cell to be rendered.
 #[derive(Debug, Clone)]
@@ -105,6 +106,7 @@ fn cells(
                             // Every frame has noise of its own.
                             seed: seed.wrapping_add(u64::from(frame) << 32),
                             name: entry.name.clone(),
+                            limit: MemoryLimit::default(),
                         },
                         keeps_picture: seed == spec.seeds.0[0],
                     });

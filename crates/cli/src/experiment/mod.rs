@@ -28,7 +28,7 @@ use crate::machine::cpu_model;
 use crate::output::check_folder;
 use crate::progress::Progress;
 use run::{Machinery, Run};
-use spec::Spec;
+pub(crate) use spec::Spec;
 
 pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
     let file = &arguments.config;
