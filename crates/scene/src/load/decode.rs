@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use exr::compression::Compression;
-use exr::meta::MetaData;
+use exr::meta::{BlockDescription, MetaData};
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 /// Texels a side at most: a small file must not claim the whole memory.
@@ -33,7 +33,7 @@ pub(super) fn decode(
         return Err(format!("not {kinds} file"));
     };
     if format == ImageFormat::OpenExr {
-        refuse_dwa(bytes)?;
+        refuse_forged_blocks(bytes)?;
     }
     let mut limits = Limits::default();
     limits.max_image_width = Some(LARGEST);
@@ -47,13 +47,13 @@ pub(super) fn decode(
     let mut decoder = reader.into_decoder().map_err(told)?;
     let (width, height) = decoder.dimensions();
     let claimed = decoder.total_bytes();
-    let size = bytes.len() as u64;
     // What is over a limit is refused by its name first.
     limits.check_dimensions(width, height).map_err(told)?;
     limits.reserve(claimed).map_err(told)?;
-    if claimed > ALWAYS_ALLOWED_BYTES.max(size.saturating_mul(ALLOWED_EXPANSION)) {
+    if claimed > greatest_claim(bytes.len()) {
         return Err(format!(
-            "the header claims {width} × {height} texels, which a file of {size} bytes cannot hold"
+            "the header claims {width} × {height} texels, which a file of {} bytes cannot hold",
+            bytes.len()
         ));
     }
     decoder.set_limits(limits).map_err(told)?;
@@ -64,15 +64,37 @@ pub(super) fn decode(
     Ok(Decoded { image, format })
 }
 
-/// The decoder of DWA compression reserves whatever memory a forged block asks for, and the process would end.
-fn refuse_dwa(bytes: &[u8]) -> Result<(), String> {
+/// Bytes that a file of so many can hold, with room for the smallest.
+fn greatest_claim(size: usize) -> u64 {
+    ALWAYS_ALLOWED_BYTES.max((size as u64).saturating_mul(ALLOWED_EXPANSION))
+}
+
+/// Refuses an EXR whose blocks would take memory beyond its picture's: the decoder of DWA compression reserves whatever
+/// a forged block asks for, and the process would end; and that of tiles makes room for whole ones.
+fn refuse_forged_blocks(bytes: &[u8]) -> Result<(), String> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false);
     let meta = meta.map_err(|e| format!("not a readable EXR: {e}"))?;
-    let dwa = |c: &Compression| matches!(c, Compression::DWAA(_) | Compression::DWAB(_));
-    match meta.headers.iter().any(|h| dwa(&h.compression)) {
-        true => Err("it has DWA compression, which is lossy and not read here; expected ZIP, PIZ, RLE or none".to_owned()),
-        false => Ok(()),
+    for header in &meta.headers {
+        if matches!(
+            header.compression,
+            Compression::DWAA(_) | Compression::DWAB(_)
+        ) {
+            return Err("it has DWA compression, which is lossy and not read here; expected ZIP, PIZ, RLE or none".to_owned());
+        }
+        if let BlockDescription::Tiles(tiles) = &header.blocks {
+            let [width, height] = [tiles.tile_size.0, tiles.tile_size.1];
+            let texels = (width as u64).saturating_mul(height as u64);
+            if texels.saturating_mul(header.channels.bytes_per_pixel as u64)
+                > greatest_claim(bytes.len())
+            {
+                return Err(format!(
+                    "the header claims tiles of {width} × {height} texels, which a file of {} bytes cannot hold",
+                    bytes.len()
+                ));
+            }
+        }
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -115,17 +137,34 @@ mod tests {
         assert!(message(&png_that_claims(1 << 20, 1)).contains("expected at most 16384"));
     }
 
-    #[test]
-    fn dwa_compression_is_refused_by_name() {
+    /// An EXR of four by four texels, and where in it the value of an attribute begins.
+    fn exr_with(attribute: &[u8]) -> (Vec<u8>, usize) {
         let mut bytes = Cursor::new(Vec::new());
         let texels = image::Rgb32FImage::new(4, 4);
         let written = DynamicImage::from(texels).write_to(&mut bytes, ImageFormat::OpenExr);
         written.expect("an EXR in memory");
-        let mut bytes = bytes.into_inner();
-        let name = b"compression\0compression\0\x01\0\0\0";
-        let at = bytes.windows(name.len()).position(|w| w == name);
-        bytes[at.expect("an attribute of each EXR") + name.len()] = 9;
+        let bytes = bytes.into_inner();
+        let at = bytes.windows(attribute.len()).position(|w| w == attribute);
+        let at = at.expect("the encoder writes it") + attribute.len();
+        (bytes, at)
+    }
+
+    #[test]
+    fn dwa_compression_is_refused_by_name() {
+        let (mut bytes, at) = exr_with(b"compression\0compression\0\x01\0\0\0");
+        bytes[at] = 9;
         let message = message(&bytes);
         assert!(message.starts_with("it has DWA compression"), "{message}");
+    }
+
+    #[test]
+    fn tiles_that_a_file_cannot_hold_are_refused_before_memory_is_taken() {
+        let (mut bytes, at) = exr_with(b"tiles\0tiledesc\0\x09\0\0\0");
+        bytes[at..at + 4].copy_from_slice(&0x003c_0040_u32.to_le_bytes());
+        let message = message(&bytes);
+        assert!(
+            message.contains("claims tiles of 3932224 × 64 texels"),
+            "{message}"
+        );
     }
 }
