@@ -48,6 +48,8 @@ const RUN_FILES: &[Change] = &[
     ("kind: Vsl", "kind: Vsl(radius: 1e999)", 4, &["radius", "found inf"]),
     ("kind: Vsl", "kind: Vpl(clamp: 0)", 4, &["clamp", "found 0"]),
     ("kind: Vsl", "kind: Vpl(clamp: NaN)", 4, &["clamp", "found NaN"]),
+    ("kind: Vsl", "kind: Vpl(compensate: true)", 4, &["lights: found compensate: true", "expected clamp"]),
+    ("kind: Vsl", "kind: Vpl(clamp: 1, compensate: 1)", 4, &["compensate"]),
     ("kind: Vsl", "kind: Vxl", 4, &["Vxl", "Vsl"]),
     ("Virtual(", "Real(", 4, &["Real", "Virtual"]),
     ("cut: 4", "cut: 0", 5, &["method.cut", "found 0; expected 1..=65536"]),
@@ -241,6 +243,9 @@ const COMMAND_LINES: &[(&str, &[&str])] = &[
     ("render|room.ron|--threads|0", &["--threads", "found 0; expected a whole number, 1..="]),
     ("render|room.ron|--threads|65535", &["--threads", "found 65535; expected"]),
     ("render|room.ron|--threads|two", &["--threads", "found two; expected"]),
+    ("render|room.ron|--max-memory|much", &["--max-memory", "found much; expected a number of bytes, such as 500MB"]),
+    ("render|room.ron|--max-memory|0", &["--max-memory", "found 0; expected"]),
+    ("render|room.ron|--max-memory=-1GB", &["--max-memory", "found -1GB; expected"]),
     ("render|room.ron|--shard|0/3", &["--shard", "found 0/3; expected", "1 <= I <= N"]),
     ("render|room.ron|--shard|4/3", &["--shard", "found 4/3; expected"]),
     ("render|room.ron|--shard|1/0", &["--shard", "found 1/0; expected"]),
@@ -335,4 +340,28 @@ fn what_does_not_fit_into_memory_is_refused_with_an_estimate() {
         ];
         assert_refused(&folder, &before, &ran, &parts);
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_over_the_given_memory_is_refused_with_an_estimate() {
+    let folder = Folder::with_room();
+    let before = folder.files();
+    for command in ["render", "check"] {
+        let ran = folder.run(&format!(
+            "{command} room.ron --max-memory 60MB --set lights.count=1000000"
+        ));
+        let said = &ran.stderr;
+        assert_eq!(ran.code, 2, "{said}");
+        for part in [
+            "room.ron: ",
+            "480.1 MB",
+            "left of the 60.0 MB of --max-memory",
+            "in use",
+        ] {
+            assert!(said.contains(part), "no {part:?} in: {said}");
+        }
+        assert_eq!(folder.files(), before, "a file was left");
+    }
+    folder.run("check room.ron --max-memory 2GB").fine();
 }

@@ -350,6 +350,35 @@ fn set_changes_any_field() {
 }
 
 #[test]
+fn compensation_follows_paths_for_what_a_clamp_takes_off() {
+    let folder = Folder::with_room();
+    for (name, kind) in [
+        ("clamped", "Vpl(clamp: 0.02)"),
+        ("whole", "Vpl(clamp: 0.02, compensate: true)"),
+    ] {
+        let kind = format!("lights.kind={kind}");
+        folder
+            .run_words(&["render", "room.ron", "--name", name, "--set", &kind])
+            .fine();
+    }
+    let [clamped, whole] =
+        ["clamped", "whole"].map(|name| folder.json(&format!("out/{name}.json")));
+    let bounces = |report: &serde_json::Value| {
+        let needs = report["needs"].as_array().expect("a list");
+        needs.iter().any(|need| need == "eye paths that bounce")
+    };
+    assert!(bounces(&whole) && !bounces(&clamped), "what is needed");
+    for key in ["/rays/bounce", "/shading_points"] {
+        let [a, b] = [&clamped, &whole].map(|report| whole_number(report, key));
+        assert!(b > a, "{key}: {a} clamped, {b} compensated");
+    }
+    let compared = folder.run("compare out/clamped.exr out/whole.exr --json");
+    let compared: serde_json::Value = serde_json::from_str(&compared.fine().stdout).expect("JSON");
+    let ratio = compared["mean_ratio"].as_f64().expect("a number");
+    assert!(ratio < 1.0, "{ratio} of the light without compensation");
+}
+
+#[test]
 fn paths_and_lights_of_every_kind_are_reported() {
     let folder = Folder::with_room();
     let mtl = String::from_utf8(folder.read("scene/room.mtl")).expect("text");

@@ -8,7 +8,10 @@ The scene is made matte (Ks 0) for both unless --glossy is given, and its lights
 emissive triangles. With --glossy, Kd + Ks of an MTL file are a diffuse and a GGX lobe without Fresnel side by side, which
 Mitsuba has as a blend of diffuse and roughconductor; its masking and shadowing are uncorrelated where manylight's are
 correlated by height, which differs by Λ²: keep to Ns of 30 and more. Each renderer makes two pictures of different seeds, so that
-the noise of either is known. SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
+the noise of either is known. Mitsuba chooses lights uniformly: with many of them it needs --peer-spp of several times --spp, or what few
+samples hold of the light of rare paths makes its pictures too bright or too dark by more than their halves' difference tells; or
+--every N, by which both render under every N-th of the points alone.
+SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
 lights shine to one side: each emissive triangle becomes two, a little apart.
 """
 
@@ -175,10 +178,13 @@ def main():
     parser.add_argument("--bounces", type=int, default=5)
     parser.add_argument("--size", type=int, nargs=2, default=[128, 128])
     parser.add_argument("--spp", type=int, default=256)
+    parser.add_argument("--peer-spp", type=int, help="Mitsuba's; --spp where not given")
+    parser.add_argument("--every", type=int, default=1, help="of the file's points only every so many-th")
     parser.add_argument("--method", default="stochastic-lightcuts")
     parser.add_argument("--manylight", default="target/release/manylight")
     parser.add_argument("--out", default="out/peer")
     given = parser.parse_args()
+    peer_spp = given.peer_spp or given.spp
     os.makedirs(given.out, exist_ok=True)
     text = open(os.path.join(given.folder, "scene.ron")).read()
     files = os.listdir(given.folder)
@@ -197,8 +203,13 @@ def main():
         if name == os.path.basename(mtl) and not given.glossy:
             lines = [line for line in open(source, errors="replace") if line.split()[:1] != ["Ks"]]
             open(link, "w").writelines(lines)
-        elif name != "scene.ron":
+        elif name not in ("scene.ron", "lights.ron"):
             os.symlink(source, link)
+    points = []
+    if not emissive:
+        points = open(os.path.join(given.folder, "lights.ron")).read()
+        points = re.findall(r"\(position:.*?\)\s*\)", points)[::given.every]
+        open(os.path.join(copy, "lights.ron"), "w").write("[" + ",\n".join(points) + "]\n")
     lights = "lights: [Emissive]" if emissive else "lights: [Points(\"lights.ron\")]"
     open(os.path.join(copy, "scene.ron"), "w").write(re.sub(r"lights:\s*\[[^\]]*\]", lights, text))
     run = os.path.join(given.out, "run.ron")
@@ -212,25 +223,24 @@ def main():
 
     look = {key: triple(text, key) for key in ("origin", "target", "up")}
     fov = float(re.search(rf"fov_y_deg:\s*({NUMBER})", text).group(1))
+    cut_out = any(material["map_d"] for material in read_mtl(mtl).values())
     scene = {
         "type": "scene",
-        # Counts edges: light seen directly is 1, lit by a light 2.
-        "integrator": {"type": "path", "max_depth": given.bounces + 2, "rr_depth": 3},
+        # Counts edges: light seen directly is 1, lit by a light 2. Shadow rays of "path" stop at what is cut out.
+        "integrator": {"type": "volpath" if cut_out else "path", "max_depth": given.bounces + 2, "rr_depth": 3},
         "sensor": {
             "type": "perspective", "fov": fov, "fov_axis": "y",
             "near_clip": 1e-4, "far_clip": 1e6,
             "to_world": mi.ScalarTransform4f().look_at(look["origin"], look["target"], look["up"]),
             "film": {"type": "hdrfilm", "width": given.size[0], "height": given.size[1],
                      "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32"},
-            "sampler": {"type": "independent", "sample_count": given.spp},
+            "sampler": {"type": "independent", "sample_count": peer_spp},
         },
     }
     scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive, given.glossy).values())})
-    if not emissive:
-        points = open(os.path.join(given.folder, "lights.ron")).read()
-        for i, entry in enumerate(re.findall(r"\(position:.*?\)\s*\)", points)):
-            scene[f"light{i}"] = {"type": "point", "position": triple(entry, "position"),
-                                  "intensity": {"type": "rgb", "value": triple(entry, "intensity")}}
+    for i, point in enumerate(points):
+        scene[f"light{i}"] = {"type": "point", "position": triple(point, "position"),
+                              "intensity": {"type": "rgb", "value": triple(point, "intensity")}}
     loaded = mi.load_dict(scene)
     started = time.time()
     for seed, path in enumerate(peers):
@@ -243,10 +253,11 @@ def main():
     noise = sum((((a - b) / 2) ** 2 / scale).mean() for a, b in halves)
     relmse = ((mean[0] - mean[1]) ** 2 / scale).mean()
     ratio = mean[0].mean() / mean[1].mean()
-    # Pixels are independent: what the differences of the halves say of the mean over all.
-    deviation = np.sqrt(sum((((a - b) / 2) ** 2).sum() for a, b in halves)) / mean[1].sum()
-    print(f"{given.folder} {given.lights}{' glossy' * given.glossy}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, "
-          f"2 x {given.spp} spp: mean ratio {ratio:.5f} +- {deviation:.5f}, relmse {relmse:.3e}, noise {noise:.3e}; "
+    # Pixels are independent, channels of one are not: what the differences of the halves say of the mean over all.
+    deviations = [np.sqrt((((a - b).sum(axis=2) / 2) ** 2).sum()) / mean[1].sum() for a, b in halves]
+    print(f"{given.folder} {len(points) or 'emissive'} lights{' glossy' * given.glossy}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, "
+          f"2 x {given.spp} spp, Mitsuba 2 x {peer_spp}: mean ratio {ratio:.5f} +- {np.hypot(*deviations):.5f} "
+          f"(manylight {deviations[0]:.5f}, Mitsuba {deviations[1]:.5f}), relmse {relmse:.3e}, noise {noise:.3e}; "
           f"Mitsuba {seconds:.0f} s")
     difference = mean[0] - mean[1]
     mi.Bitmap((difference / np.sqrt(scale)).astype(np.float32)).write(os.path.join(given.out, "difference.exr"))

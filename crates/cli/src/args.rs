@@ -10,6 +10,7 @@ use gather::{MethodSpec, Shard};
 use ron_file::Override;
 
 use crate::job::{Extent, Samples};
+use crate::limits::Bytes;
 
 /// A many-light renderer: a million virtual lights, one light tree, and every method that draws from it.
 #[derive(Debug, Parser)]
@@ -56,6 +57,9 @@ pub(crate) struct JobArgs {
     /// Set any field of the run file to a RON value, such as lights.count=2000; repeatable
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub(crate) overrides: Vec<Override>,
+    /// Refuse to begin what would need more memory than this, such as 8GB; what is free when not given
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true)]
+    pub(crate) max_memory: Option<Bytes>,
 }
 
 #[derive(Debug, Args)]

@@ -13,6 +13,9 @@ use crate::machine::{available_memory, human};
 pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
     let scene = scene::load::load(&job.scene)?;
+    job.limit
+        .refuse_triangles(scene.mesh.len())
+        .map_err(|message| CliError::Input(format!("{}: {message}", job.scene.display())))?;
     let tracer = Tracer::build(&scene);
     let lights = vpl::source_lights(&scene);
     let notes = &scene.notes;
@@ -36,7 +39,10 @@ pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
             v.count.0, v.max_bounces.0
         ));
     }
-    answer.line(format_args!("camera     {:?}", scene.camera));
+    answer.line(format_args!(
+        "camera     {:?}",
+        scene.camera.moved_by(scene.origin)
+    ));
     answer.line(format_args!(
         "picture    {}x{}, {} samples a pixel",
         job.width, job.height, job.spp

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use crate::args::JobArgs;
 use crate::error::CliError;
-use crate::machine::{available_memory, human};
+use crate::limits::MemoryLimit;
 
 /// A run file as written.
 #[derive(Debug, Deserialize)]
@@ -111,6 +111,33 @@ pub(crate) struct VslSpec {
 pub(crate) struct VplSpec {
     /// Greatest cos cos / d², in 1/scene unit²; no clamp when not given.
     pub(crate) clamp: Option<Clamp>,
+    /// Whether light that the clamp takes off is found again by eye paths.
+    pub(crate) compensate: bool,
+}
+
+impl LightsSpec {
+    /// Whether eye paths find again what a clamp takes off.
+    pub(crate) fn compensates(&self) -> bool {
+        self.points().is_some_and(|vpl| vpl.compensate)
+    }
+
+    /// Why lights cannot be used, if they cannot.
+    pub(crate) fn conflict(&self) -> Option<&'static str> {
+        let vpl = self.points()?;
+        (vpl.compensate && vpl.clamp.is_none()).then_some(
+            "found compensate: true without a clamp, so that nothing is missing; expected clamp: a number above 0",
+        )
+    }
+
+    fn points(&self) -> Option<VplSpec> {
+        match self {
+            Self::Virtual(VirtualSpec {
+                kind: VirtualKind::Vpl(vpl),
+                ..
+            }) => Some(*vpl),
+            _ => None,
+        }
+    }
 }
 
 /// The light tree of methods that use one.
@@ -184,15 +211,19 @@ impl IntegratorSpec {
             _ => None,
         }
     }
-}
 
-impl From<IntegratorSpec> for Integrator {
-    fn from(spec: IntegratorSpec) -> Self {
-        match spec {
-            IntegratorSpec::Direct => Self::Direct,
-            IntegratorSpec::Path(path) => Self::Path {
+    /// What to follow under `lights`, with which there is no [conflict](Self::conflict).
+    pub(crate) fn under(self, lights: &LightsSpec) -> Integrator {
+        match (self, lights) {
+            (Self::Path(path), _) => Integrator::Path {
                 max_bounces: path.max_bounces.0,
             },
+            (Self::Direct, LightsSpec::Virtual(spec)) if lights.compensates() => {
+                Integrator::Compensated {
+                    max_bounces: spec.max_bounces.0,
+                }
+            }
+            (Self::Direct, _) => Integrator::Direct,
         }
     }
 }
@@ -289,6 +320,8 @@ pub(crate) struct Job {
     pub(crate) seed: u64,
     /// The run file's stem.
     pub(crate) name: String,
+    /// What it may take.
+    pub(crate) limit: MemoryLimit,
 }
 
 impl Job {
@@ -321,6 +354,9 @@ impl Job {
         if let Some(message) = spec.integrator.conflict(&spec.lights) {
             return Err(field_error(arguments, "integrator", message));
         }
+        if let Some(message) = spec.lights.conflict() {
+            return Err(field_error(arguments, "lights", message));
+        }
         let image = spec.image;
         let [width, height] = arguments.size.unwrap_or([image.width.0, image.height.0]);
         let spp = arguments.spp.unwrap_or(image.spp.0);
@@ -338,22 +374,22 @@ impl Job {
             height,
             spp,
             lights: spec.lights,
-            integrator: spec.integrator.into(),
+            integrator: spec.integrator.under(&spec.lights),
             tree: spec.tree,
             method: spec.method,
             seed: arguments.seed.unwrap_or(spec.seed),
             name: stem.unwrap_or_else(|| "render".into()),
+            limit: MemoryLimit {
+                most: arguments.max_memory,
+            },
         })
     }
 
     /// How virtual lights shine.
     pub(crate) fn shape(&self) -> VirtualShape {
-        match self.lights {
-            LightsSpec::Virtual(VirtualSpec {
-                kind: VirtualKind::Vpl(vpl),
-                ..
-            }) => VirtualShape::ClampedPoint(vpl.clamp.map_or(f32::INFINITY, |c| c.0)),
-            _ => VirtualShape::Sphere,
+        match self.lights.points() {
+            Some(vpl) => VirtualShape::ClampedPoint(vpl.clamp.map_or(f32::INFINITY, |c| c.0)),
+            None => VirtualShape::Sphere,
         }
     }
 
@@ -373,19 +409,14 @@ impl Job {
 
     /// Refuses a job that would not fit into memory, before anything large is allocated.
     pub(crate) fn refuse_too_large(&self) -> Result<(), CliError> {
-        let needed = self.memory();
-        match available_memory() {
-            Some(available) if needed > available => Err(CliError::Input(format!(
-                "{}: a {}x{} picture and its lights need about {}; expected at most the {} that are free: \
-                 lower image.width, image.height or lights.count",
+        self.limit.refuse(self.memory()).map_err(|message| {
+            CliError::Input(format!(
+                "{}: a {}x{} picture and its lights need {message}: lower image.width, image.height or lights.count",
                 self.file.display(),
                 self.width,
                 self.height,
-                human(needed),
-                human(available)
-            ))),
-            _ => Ok(()),
-        }
+            ))
+        })
     }
 }
 

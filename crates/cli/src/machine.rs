@@ -10,6 +10,11 @@ pub(crate) fn peak_resident() -> Option<u64> {
     kilobytes("/proc/self/status", "VmHWM:")
 }
 
+/// Bytes that the process has resident now; `None` where the system does not say.
+pub(crate) fn resident() -> Option<u64> {
+    kilobytes("/proc/self/status", "VmRSS:")
+}
+
 /// Processor seconds of the process so far, all threads; `None` where the system does not say.
 pub(crate) fn cpu_seconds() -> Option<f64> {
     #[cfg(unix)]

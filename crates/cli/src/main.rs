@@ -7,8 +7,11 @@ mod compare;
 mod error;
 mod experiment;
 mod fingerprint;
+#[cfg(test)]
+mod fuzz;
 mod interrupt;
 mod job;
+mod limits;
 mod machine;
 mod merge;
 mod output;

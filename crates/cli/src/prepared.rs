@@ -11,6 +11,7 @@ use vpl::{VirtualLightSpec, VirtualLightStats};
 
 use crate::error::CliError;
 use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
+use crate::limits::MemoryLimit;
 use crate::progress::Progress;
 
 /// A scene and its ray hierarchy: the same for all lights, methods and cameras.
@@ -25,8 +26,12 @@ impl LoadedScene {
     /// Reads `scene.ron` at `path` and builds the ray hierarchy.
     ///
     /// # Errors
-    /// When the scene cannot be used.
-    pub(crate) fn load(path: &Path, progress: &Progress) -> Result<Self, CliError> {
+    /// When the scene cannot be used, or the hierarchy would need more memory than the limit.
+    pub(crate) fn load(
+        path: &Path,
+        limit: MemoryLimit,
+        progress: &Progress,
+    ) -> Result<Self, CliError> {
         let started = Instant::now();
         let scene = scene::load::load(path)?;
         let load_seconds = started.elapsed().as_secs_f64();
@@ -36,6 +41,9 @@ impl LoadedScene {
             scene.mesh.len(),
             scene.emitters.len(),
         ));
+        limit
+            .refuse_triangles(scene.mesh.len())
+            .map_err(|message| CliError::Input(format!("{}: {message}", path.display())))?;
         let started = Instant::now();
         let tracer = Tracer::build(&scene);
         Ok(Self {
@@ -89,6 +97,7 @@ fn add_virtual_lights(
     let trace = VirtualLightSpec {
         count: spec.count.0,
         max_bounces: spec.max_bounces.0,
+        keep_bounces: job.lights.compensates(),
         seed: spec.seed.unwrap_or(job.seed),
     };
     let stats = vpl::trace(&loaded.scene, &loaded.tracer, &trace, lights);

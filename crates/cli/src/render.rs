@@ -50,7 +50,7 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
             None
         }
     };
-    let loaded = LoadedScene::load(&job.scene, progress)?;
+    let loaded = LoadedScene::load(&job.scene, job.limit, progress)?;
     let lights = PreparedLights::trace(job, &loaded, progress);
     let prepared = Prepared { loaded, lights };
     let mut seconds = SetUpSeconds {
@@ -102,8 +102,13 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
             break;
         };
         progress.pass(|| {
+            let left = f64::from(job.spp - pass.spp) / f64::from(pass.spp) * pass.seconds;
+            let left = match pass.spp < job.spp {
+                true => format!(", about {left:.0} s left"),
+                false => String::new(),
+            };
             format!(
-                "{} of {} samples a pixel, {:.1} s",
+                "{} of {} samples a pixel, {:.1} s{left}",
                 pass.spp, job.spp, pass.seconds
             )
         });
@@ -137,8 +142,20 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     let started = Instant::now();
     let picture = render.picture();
     let attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
-    picture.write_exr(&output.exr, &attributes)?;
-    picture.write_png(&output.png, Exposure::Auto)?;
+    let written = picture
+        .write_exr(&output.exr, &attributes)
+        .and_then(|()| picture.write_png(&output.png, Exposure::Auto));
+    if let Err(error) = written {
+        // Hours may be in it: perhaps there is room for the state, which is smaller.
+        let advice = match state::write(&output.state, &subject, &passes, &render) {
+            Ok(()) => format!(
+                "; all that is done is in {}: to write the picture, give the same command with --resume",
+                output.state.display()
+            ),
+            Err(_) => String::new(),
+        };
+        return Err(CliError::Input(format!("{error}{advice}")));
+    }
     seconds.write = started.elapsed().as_secs_f64();
 
     let final_error = reference

@@ -234,13 +234,17 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         method,
         seed,
         name: _,
+        limit: _,
     } = job;
     [
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("commit", env!("MANYLIGHT_COMMIT").to_owned()),
         ("scene", path.display().to_string()),
         ("scene_content", format!("{:016x}", fingerprint(scene))),
-        ("camera", format!("{:?}", scene.camera)),
+        (
+            "camera",
+            format!("{:?}", scene.camera.moved_by(scene.origin)),
+        ),
         ("lights", format!("{:?}", lights)),
         ("integrator", format!("{:?}", integrator)),
         ("tree", format!("{:?}", tree)),

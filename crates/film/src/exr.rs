@@ -5,7 +5,7 @@ use std::{fs, io, path::Path};
 use ::exr::{
     image::{Blocks, Encoding, FlatSamples, read::specific_channels::ReadSpecificChannel},
     meta::{
-        MetaData,
+        BlockDescription, MetaData,
         attribute::{AttributeValue, LineOrder, Text},
         header::Header,
     },
@@ -235,6 +235,20 @@ fn headers(path: &Path) -> Result<Vec<Header>, FilmError> {
                 path: path.display().to_string(),
                 reason: "it has DWA compression, which is lossy and not read here; expected ZIP, PIZ, RLE or none".into(),
             });
+        }
+        if let BlockDescription::Tiles(tiles) = &header.blocks {
+            // The decoder makes room for whole ones.
+            let Vec2(width, height) = tiles.tile_size;
+            let texels = (width as u64).saturating_mul(height as u64);
+            if texels.saturating_mul(header.channels.bytes_per_pixel as u64) > allowed {
+                return Err(FilmError::Exr {
+                    path: path.display().to_string(),
+                    reason: format!(
+                        "the header claims tiles of {width}x{height} pixels, which a file of {} bytes cannot hold",
+                        found.len()
+                    ),
+                });
+            }
         }
         let Vec2(width, height) = header.layer_size;
         // The samples, and what they become here.

@@ -21,6 +21,16 @@ pub enum VirtualShape {
     ClampedPoint(f32),
 }
 
+impl VirtualShape {
+    /// What cos cos / d² is clamped to; infinite where nothing is.
+    pub(crate) fn clamp(self) -> f32 {
+        match self {
+            Self::Sphere => f32::INFINITY,
+            Self::ClampedPoint(clamp) => clamp,
+        }
+    }
+}
+
 /// Light that arrives if nothing is in the way.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Unoccluded {
@@ -87,7 +97,7 @@ pub(crate) fn unoccluded_by_place(
         LightKind::Spot => spot(lights, x, id, intensity, offset),
         LightKind::Virtual => {
             let normal = lights.axis(id);
-            if normal.dot(offset) >= 0.0 {
+            if normal.dot(offset) >= 0.0 || lights.bounces(id) > x.light_bounces {
                 return None;
             }
             let sender = GlossySender::of(lights, id);

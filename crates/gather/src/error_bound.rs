@@ -312,6 +312,7 @@ mod tests {
             sample: 0,
             sequence: sampling::Sequence(0),
             bounce: 0,
+            light_bounces: u32::MAX,
             shares_hits: false,
             receiver: Receiver::new(position, ns),
         })

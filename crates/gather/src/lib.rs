@@ -5,6 +5,7 @@
 //! method, and adds up the light that the method's choices bring. The contribution of one light to one
 //! point, visibility included, is the same code for every method.
 
+mod compensation;
 mod contribution;
 mod counters;
 mod error_bound;

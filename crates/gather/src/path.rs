@@ -8,8 +8,8 @@
 
 use glam::Vec3;
 use sampling::Rng;
-use scene::Scene;
 use scene::trace::{Hit, Ray, Tracer};
+use scene::{BrdfSample, Scene};
 
 use crate::point::GatherPoint;
 
@@ -22,6 +22,12 @@ pub enum Integrator {
     /// On from the first hit by so many surfaces, and from each to the lights in use.
     Path {
         /// Surfaces behind the first hit.
+        max_bounces: u32,
+    },
+    /// As `Direct`, and on behind the first hit for as much of the light as [`VirtualShape`](crate::VirtualShape)'s clamp
+    /// takes off virtual lights. Their [bounces](light_tree::LightSet::bounces) have to be known.
+    Compensated {
+        /// Surfaces that the light of any virtual light has met at most.
         max_bounces: u32,
     },
 }
@@ -58,6 +64,19 @@ pub(crate) fn seen(scene: &Scene, direction: Vec3, hit: Option<&Hit>) -> Vec3 {
     }
 }
 
+/// Draws how a path goes on from `x`; `None` when nothing is reflected, or into the surface.
+pub(crate) fn onward(x: &GatherPoint, rng: &mut Rng) -> Option<BrdfSample> {
+    let sample = x.brdf.sample(x.ns, x.wo, rng)?;
+    (sample.wi.dot(x.ng) > 0.0).then_some(sample)
+}
+
+/// Ends a path of `strength` by chance, the sooner the weaker it is: the strength of one that goes on makes up for those
+/// that end.
+pub(crate) fn survive(strength: Vec3, rng: &mut Rng) -> Option<Vec3> {
+    let survival = strength.max_element().min(MOST_SURVIVAL);
+    (rng.f32() < survival).then(|| strength / survival)
+}
+
 /// Follows paths, and leaves what they find.
 pub(crate) struct Walk<'a> {
     pub(crate) scene: &'a Scene,
@@ -88,20 +107,15 @@ impl Walk<'_> {
             if is_last && !hits_lights {
                 return rays;
             }
-            let Some(sample) = x.brdf.sample(x.ns, x.wo, rng) else {
+            let Some(BrdfSample { wi, weight }) = onward(&x, rng) else {
                 return rays;
             };
-            let wi = sample.wi;
-            if wi.dot(x.ng) <= 0.0 {
-                return rays;
-            }
-            let mut strength = x.strength * sample.weight;
+            let mut strength = x.strength * weight;
             if x.bounce >= CERTAIN_BOUNCES {
-                let survival = strength.max_element().min(MOST_SURVIVAL);
-                if rng.f32() >= survival {
+                let Some(survived) = survive(strength, rng) else {
                     return rays;
-                }
-                strength /= survival;
+                };
+                strength = survived;
             }
             rays += 1;
             let hit = self.tracer.closest(&Ray {

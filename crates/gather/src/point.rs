@@ -28,6 +28,8 @@ pub struct GatherPoint {
     pub sequence: Sequence,
     /// Surfaces between the point and the first hit of its path, that one counted: 0 for the first hit.
     pub bounce: u32,
+    /// Virtual lights whose light has met more surfaces than this are dark here; `u32::MAX` for none.
+    pub light_bounces: u32,
     /// Whether lights that can be hit are met by a ray that goes on from here as well, so that sampling them is to find
     /// only its share.
     pub shares_hits: bool,
@@ -50,6 +52,7 @@ impl GatherPoint {
             sample: 0,
             sequence: Sequence(0),
             bounce: 0,
+            light_bounces: u32::MAX,
             shares_hits: false,
             receiver: receiver(position, surface, wo),
         }

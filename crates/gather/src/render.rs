@@ -13,6 +13,7 @@ use scene::trace::{Ray, Tracer};
 use scene::{Camera, Scene};
 
 use crate::Inputs;
+use crate::compensation::Compensation;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
@@ -543,11 +544,22 @@ impl<F> PassOf<'_, F> {
                 };
                 walk.follow(first, &mut rng, &mut scratch.points, &mut scratch.seen)
             }
+            Integrator::Compensated { max_bounces } => {
+                let compensation = Compensation {
+                    scene: self.scene,
+                    tracer: self.tracer,
+                    clamp: self.spec.shape.clamp(),
+                    max_bounces,
+                };
+                compensation.follow(first, &mut rng, &mut scratch.points)
+            }
         }
     }
 }
 
 #[cfg(test)]
 mod analytic;
+#[cfg(test)]
+mod compensated;
 #[cfg(test)]
 mod tests;

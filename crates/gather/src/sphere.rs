@@ -142,6 +142,7 @@ mod tests {
             sample: 0,
             sequence: sampling::Sequence(0),
             bounce: 0,
+            light_bounces: u32::MAX,
             shares_hits: false,
             receiver: Receiver::new(Vec3::ZERO, Vec3::Y),
         }

@@ -45,6 +45,8 @@ pub struct LightSet {
     radii: Vec<f32>,
     /// The greatest.
     radius: f32,
+    /// One a virtual light, or empty when nobody asks.
+    bounces: Vec<u16>,
     /// Greatest of the triangles' and of the cells' peaks; 0 without any.
     peaks: [f32; 2],
 }
@@ -235,6 +237,30 @@ impl LightSet {
         assert!(radii.iter().all(sound), "virtual light radii");
         self.radius = radii.iter().copied().fold(0.0, f32::max);
         self.radii = radii;
+    }
+
+    /// Says of each virtual light how many surfaces its light has met, its own counted.
+    ///
+    /// # Panics
+    /// When there are not as many as virtual lights.
+    pub fn set_bounces(&mut self, bounces: Vec<u16>) {
+        assert!(
+            bounces.len() == self.virtual_count,
+            "bounces of {} of {} virtual lights",
+            bounces.len(),
+            self.virtual_count
+        );
+        self.bounces = bounces;
+    }
+
+    /// Surfaces that the light of virtual light `id` has met, its own counted; 0 when that was not [set](Self::set_bounces).
+    #[inline]
+    pub fn bounces(&self, id: LightId) -> u32 {
+        if self.bounces.is_empty() {
+            0
+        } else {
+            self.bounces[id.index() - self.first_virtual()].into()
+        }
     }
 
     /// Greatest radius of the virtual lights; 0 when there are none.
@@ -437,6 +463,7 @@ impl LightSet {
             + self.areas.len() * size_of::<Area>()
             + self.cells.len() * size_of::<Cell>()
             + (self.gloss_of.len() + self.radii.len()) * size_of::<u32>()
+            + self.bounces.len() * size_of::<u16>()
             + self.glosses.len() * size_of::<Gloss>()
     }
 }

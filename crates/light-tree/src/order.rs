@@ -5,7 +5,12 @@ use std::ops::Range;
 
 use crate::light::LightId;
 use crate::lights::LightSet;
+use crate::representative::Representatives;
 use crate::tree::{LightTree, NodeId};
+
+/// A node whose sum is below this part of the sum before it has lost too many digits to draw by the difference: the
+/// sky beside lamps whose distances are in millimetres, or a candle beside the sun.
+const LEAST_SHARE: f64 = 1.0 / (1 << 24) as f64;
 
 /// Lights in the order of a tree's leaves, drawn in proportion to intensity within any of its nodes; 16 bytes a light
 /// and 8 a node, beside the tree.
@@ -65,9 +70,14 @@ impl LightOrder {
     }
 
     /// Draws one of the lights below `id` by `u` in [0, 1), in proportion to intensity, and returns its place.
-    pub fn draw(&self, id: NodeId, u: f64) -> u32 {
+    ///
+    /// `tree` is the one that this is the order of, `totals` has the intensities of its nodes.
+    pub fn draw(&self, tree: &LightTree, totals: &Representatives, id: NodeId, u: f64) -> u32 {
         let Range { start, end } = self.places(id);
         let (least, most) = (self.before[start as usize], self.before[end as usize]);
+        if most - least < LEAST_SHARE * least {
+            return self.descend(tree, totals, id, u);
+        }
         let target = least + u * (most - least);
         let all = self.before[self.lights.len()];
         let part = (target / all * self.guide.len() as f64) as usize;
@@ -78,6 +88,29 @@ impl LightOrder {
         let to = self.guide.get(part + 1).map_or(end, |&next| next + 1);
         let begins = &self.before[from as usize + 1..to.clamp(from + 1, end) as usize];
         from + begins.partition_point(|&sum| sum <= target) as u32
+    }
+
+    /// [`draw`](Self::draw) by the nodes' own intensities.
+    #[cold]
+    fn descend(
+        &self,
+        tree: &LightTree,
+        totals: &Representatives,
+        mut id: NodeId,
+        mut u: f64,
+    ) -> u32 {
+        while let Some(first) = tree.node(id).first_child() {
+            let second = NodeId(first.0 + 1);
+            let [a, b] = [first, second].map(|k| totals.intensity(k).as_dvec3().element_sum());
+            // No light is without power.
+            let share = a / (a + b);
+            (id, u) = if u < share {
+                (first, u / share)
+            } else {
+                (second, (u - share) / (1.0 - share))
+            };
+        }
+        self.places(id).start
     }
 
     /// The light at a place.
@@ -103,6 +136,8 @@ impl LightOrder {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::build::TreeBuilder;
     use crate::test_lights::any_lights;
@@ -125,6 +160,43 @@ mod tests {
     }
 
     #[test]
+    fn faint_lights_behind_a_bright_one_are_drawn_by_their_own_intensities() {
+        // As differences of sums over all lights those of the faint ones are 0, and the last is always drawn.
+        let mut lights = LightSet::default();
+        for i in 0..8u8 {
+            let bright = if i == 0 { 1e20 } else { f32::from(i) };
+            lights.push_point(Vec3::X * f32::from(i), Vec3::splat(bright));
+        }
+        let tree = LightTree::build(&lights, TreeBuilder::Binned).expect("has lights");
+        let (order, totals) = (
+            LightOrder::of(&tree, &lights),
+            Representatives::choose(&tree, &lights, 0),
+        );
+        let mut found = 0;
+        for id in tree.nodes_below(tree.root()) {
+            let below: Vec<f64> = tree.lights_below(id).map(|l| f64::from(l.0)).collect();
+            if below.contains(&0.0) {
+                continue;
+            }
+            let all: f64 = below.iter().sum();
+            let mut count = [0u32; 8];
+            for i in 0..10_000 {
+                let place = order.draw(&tree, &totals, id, (f64::from(i) + 0.5) / 1e4);
+                count[order.light(place).index()] += 1;
+            }
+            for light in below {
+                let share = f64::from(count[light as usize]) / 1e4;
+                assert!(
+                    (share - light / all).abs() < 1e-3,
+                    "{light} of {all}: {share}"
+                );
+            }
+            found += 1;
+        }
+        assert!(found > 7, "only {found} nodes without the bright light");
+    }
+
+    #[test]
     fn a_number_draws_the_light_that_the_sums_of_intensity_say() {
         arbtest::arbtest(|u| {
             let lights = any_lights(u)?;
@@ -132,6 +204,7 @@ mod tests {
                 return Ok(());
             };
             let order = LightOrder::of(&tree, &lights);
+            let totals = Representatives::choose(&tree, &lights, 0);
             let draws = [
                 0.0,
                 1e-9,
@@ -147,11 +220,11 @@ mod tests {
                 };
                 let all: f64 = places.clone().map(weight).sum();
                 for u in draws.into_iter().chain([1.0 - f64::EPSILON / 2.0]) {
-                    let place = order.draw(id, u);
+                    let place = order.draw(&tree, &totals, id, u);
                     assert!(places.contains(&place), "place {place} of {places:?}");
                     let below: f64 = (places.start..place).map(weight).sum();
-                    // Sums over the whole tree are rounded to 10⁻¹⁶ of the largest.
-                    let slack = 1e-13 * order.before[lights.len()];
+                    // Totals of nodes are f32.
+                    let slack = 1e-6 * all;
                     assert!(
                         below <= u * all + slack && u * all <= below + weight(place) + slack,
                         "{u} of {all} draws place {place}, which begins at {below}"

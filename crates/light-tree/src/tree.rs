@@ -126,9 +126,10 @@ impl LightTree {
     fn with_radii(mut self, lights: &LightSet) -> Self {
         let least_of = |light| match lights.kind(light) {
             LightKind::Virtual => 1.5 * lights.radius(light) * lights.radius(light),
-            _ => f32::INFINITY,
+            _ => 0.0,
         };
-        if !lights.has_radii() {
+        let only_virtual = lights.virtual_count() == lights.len();
+        if !lights.has_radii() && (only_virtual || lights.greatest_radius() == 0.0) {
             self.least_dist2 = 1.5 * lights.greatest_radius() * lights.greatest_radius();
             return self;
         }
@@ -144,7 +145,7 @@ impl LightTree {
                 _ => f32::INFINITY, // unused, beside the root
             };
         }
-        // Where there are no virtual lights no distance is too short.
+        // Beside the root.
         for least in &mut least {
             if !least.is_finite() {
                 *least = 0.0;

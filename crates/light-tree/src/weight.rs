@@ -312,6 +312,34 @@ mod tests {
     }
 
     #[test]
+    fn the_radius_of_virtual_lights_is_none_of_the_lamps_beside_them() {
+        // A lamp of that distance from everything would hardly ever be drawn where there is parallel light as well.
+        let mut set = LightSet::default();
+        for i in 0..4u8 {
+            set.push_point(Vec3::X * f32::from(i), Vec3::ONE);
+        }
+        for i in 0..4u8 {
+            set.push_virtual(&crate::light::VirtualLight {
+                position: Vec3::new(f32::from(i), 1.0, 0.3),
+                normal: Vec3::Y,
+                intensity: Vec3::ONE,
+                gloss: None,
+            });
+        }
+        let mut own = set.clone();
+        own.set_radii(vec![1e5; 4]);
+        set.set_radius(1e5);
+        for set in [set, own] {
+            let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
+            for id in tree.nodes_below(tree.root()) {
+                let lamps = tree.lights_below(id).any(|l| l.index() < 4);
+                let least = if lamps { 0.0 } else { 1.5e10 };
+                assert_eq!(tree.least_dist2(id), least, "node {}, lamps: {lamps}", id.0);
+            }
+        }
+    }
+
+    #[test]
     fn a_light_at_the_receiver_and_one_far_off_leave_finite_weights() {
         let x = Receiver::new(Vec3::ONE, Vec3::Y);
         for weights in NodeWeights::ALL {

@@ -313,6 +313,8 @@ fn sin2(n: Vec3, h: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::Texels;
+    use crate::{Channel, Material, TextureId};
     use sampling::{Purpose, uniform_sphere};
     use verify::chi_square;
 
@@ -328,8 +330,47 @@ mod tests {
             .collect()
     }
 
+    /// What maps make of a material at single points.
+    fn textured() -> Vec<Brdf> {
+        let map = Some(Channel {
+            texture: TextureId(0),
+            index: 0,
+        });
+        let painted_metal = Material {
+            diffuse: Vec3::new(1.0, 0.8, 0.6),
+            alpha: 1.0,
+            metallic: Some(1.0),
+            roughness_map: map,
+            metallic_map: map,
+            ..Material::default()
+        };
+        let polish = Material {
+            diffuse: Vec3::splat(0.9),
+            specular: Vec3::splat(0.5),
+            alpha: 0.5,
+            roughness_map: map,
+            ..Material::default()
+        };
+        let at = |material: &Material, diffuse, roughness, metallic| {
+            material.brdf(&Texels {
+                diffuse: Vec3::splat(diffuse),
+                roughness,
+                metallic,
+            })
+        };
+        vec![
+            at(&painted_metal, 0.9, 0.4, 0.25),
+            at(&painted_metal, 0.5, 0.8, 0.5),
+            at(&painted_metal, 1.0, 0.6, 1.0),
+            // Together above what arrives.
+            at(&polish, 1.0, 1.0, 1.0),
+            at(&polish, 0.2, 0.5, 1.0),
+        ]
+    }
+
     fn brdfs() -> Vec<Brdf> {
-        let mut all = vec![Brdf::lambert(Vec3::splat(0.8))];
+        let mut all = textured();
+        all.push(Brdf::lambert(Vec3::splat(0.8)));
         for alpha in [LEAST_ALPHA, 0.05, 0.3, 1.0] {
             for (diffuse, specular, fresnel) in [
                 (0.0, 1.0, Fresnel::Constant),

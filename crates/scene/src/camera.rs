@@ -17,6 +17,17 @@ pub struct CameraSpec {
     pub fov_y_deg: f32,
 }
 
+impl CameraSpec {
+    /// The camera, moved by `offset` (scene units, finite).
+    pub fn moved_by(self, offset: Vec3) -> Self {
+        Self {
+            origin: self.origin + offset,
+            target: self.target + offset,
+            ..self
+        }
+    }
+}
+
 impl Default for CameraSpec {
     fn default() -> Self {
         Self {

@@ -17,6 +17,8 @@ mod texture;
 pub mod trace;
 mod view;
 
+use glam::Vec3;
+
 pub use brdf::{Brdf, BrdfSample, Fresnel, LobeBound};
 pub use camera::CameraSpec;
 pub use emitter::{Emitter, EmitterPoint};
@@ -45,6 +47,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// Where the picture is seen from.
     pub camera: CameraSpec,
+    /// The point of the files' coordinates that is (0, 0, 0) here: zero, but for scenes that lie far from their origin.
+    pub origin: Vec3,
     /// Length of a scene unit in metres; information only, all computation is in scene units.
     pub metres_per_unit: f32,
     /// What loading dropped or noticed.

@@ -239,7 +239,7 @@ fn bad_scene_files_are_refused() {
             (
                 "origin: (0, 1, 5)",
                 "origin: (0, 1e30, 5)",
-                &["scene.ron:4:", "camera.origin", "1e15"],
+                &["scene.ron:4:", "camera.origin", "1e12"],
             ),
             (
                 "origin: (0, 1, 5)",
@@ -640,6 +640,17 @@ fn bad_mtl_files_are_refused() {
             ("Ns 10", "Ns ten", &["scene.mtl:7", "'ten' is not a number"]),
             ("Ns 10", "Ns", &["scene.mtl:7", "expected one number"]),
             ("Ns 10", "Ns 10 10", &["scene.mtl:7", "expected one number"]),
+            (
+                "Ns 10",
+                "Pr 1.5",
+                &["scene.mtl:7", "Pr: found 1.5", "`red`", "0 to 1"],
+            ),
+            (
+                "Ns 10",
+                "Pr nan",
+                &["scene.mtl:7", "'nan' is not a finite number"],
+            ),
+            ("Ns 10", "Pm -1", &["scene.mtl:7", "Pm: found -1", "`red`"]),
             ("d 1", "d 1.5", &["scene.mtl:8", "d: found 1.5"]),
             ("d 1", "d", &["scene.mtl:8", "expected one number"]),
             ("d 1", "Tr -0.1", &["scene.mtl:8", "Tr: found -0.1"]),
@@ -685,6 +696,26 @@ fn bad_mtl_files_are_refused() {
                 "d 1",
                 "map_d u.png",
                 &["scene.mtl:8", "map_d", "u.png: No such file"],
+            ),
+            (
+                "d 1",
+                "map_Pr u.png",
+                &["scene.mtl:8", "map_Pr", "u.png: No such file"],
+            ),
+            (
+                "d 1",
+                "map_Pm u.png",
+                &["scene.mtl:8", "map_Pm", "u.png: No such file"],
+            ),
+            (
+                "d 1",
+                "map_Ke u.png",
+                &["scene.mtl:8", "map_Ke", "u.png: No such file"],
+            ),
+            (
+                "d 1",
+                "norm u.png",
+                &["scene.mtl:8", "norm", "u.png: No such file"],
             ),
         ],
     );

@@ -703,7 +703,10 @@ fn broken_files_are_refused_by_name_and_place() {
         let mut doc = lit();
         let base = doc.texture([255; 4], false);
         let pbr = json!({"baseColorTexture": {"index": base}});
-        let material = doc.push("materials", json!({"pbrMetallicRoughness": pbr}));
+        let material = doc.push(
+            "materials",
+            json!({"name": "painted", "pbrMetallicRoughness": pbr}),
+        );
         doc.json["meshes"][0]["primitives"][0]["material"] = material.into();
         doc.json["extensionsRequired"] = json!([]);
         let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
@@ -748,7 +751,7 @@ fn broken_files_are_refused_by_name_and_place() {
         (
             "/nodes/0/translation",
             json!([1e30, 0, 0]),
-            &["nodes[0]: found", "1e15"],
+            &["nodes[0]: found", "1e12"],
         ),
         (
             "/nodes/1/extensions/KHR_lights_punctual/light",
@@ -890,7 +893,23 @@ fn broken_files_are_refused_by_name_and_place() {
         (
             "/materials/0/pbrMetallicRoughness/roughnessFactor",
             json!(1.5),
-            &["materials[0]", "roughnessFactor: found 1.5"],
+            &["materials[0]", "roughnessFactor: found 1.5", "`painted`"],
+        ),
+        (
+            "/materials/0/pbrMetallicRoughness/metallicFactor",
+            json!(-0.5),
+            &["materials[0]", "metallicFactor: found -0.5", "`painted`"],
+        ),
+        (
+            "/materials/0/pbrMetallicRoughness/baseColorFactor",
+            json!([0.5, 1.5, 0, 1]),
+            &["materials[0]", "baseColorFactor: found 1.5", "`painted`"],
+        ),
+        (
+            "/materials/0",
+            json!({"name": "lamp", "emissiveFactor": [1, 1, 1],
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": -2}}}),
+            &["emissiveFactor", "times -2; expected", "`lamp`"],
         ),
         (
             "/materials/0/pbrMetallicRoughness/baseColorTexture/index",
@@ -900,7 +919,7 @@ fn broken_files_are_refused_by_name_and_place() {
         (
             "/materials/0/emissiveFactor",
             json!([-1, 0, 0]),
-            &["materials[0].emissiveFactor"],
+            &["materials[0].emissiveFactor: found [-1.0", "`painted`"],
         ),
         (
             "/materials/0/alphaMode",
@@ -1014,4 +1033,30 @@ fn what_has_no_effect_is_said() {
     ] {
         assert!(remarks.contains(part), "{part} in {remarks}");
     }
+}
+
+#[test]
+fn lights_that_cannot_shine_are_skipped_and_counted() {
+    let mut doc = lit();
+    let lamp = doc.push("materials", json!({"emissiveFactor": [1, 1, 1]}));
+    // Of the square's two triangles one gets no area.
+    doc.json["meshes"][0]["primitives"][0]["material"] = lamp.into();
+    let indices = doc.json["bufferViews"][3]["byteOffset"].as_u64();
+    doc.bin[indices.expect("a place") as usize + 2] = 0;
+    // One that emits more than can be told.
+    let strength = json!({"KHR_materials_emissive_strength": {"emissiveStrength": 1e38}});
+    let blinding = doc.push(
+        "materials",
+        json!({"emissiveFactor": [1, 1, 1], "extensions": strength}),
+    );
+    let mesh = doc.square(Some(blinding));
+    doc.node(json!({"mesh": mesh, "scale": [10, 10, 10]}));
+    doc.json["extensions"]["KHR_lights_punctual"]["lights"][1]["intensity"] = json!(0);
+    let scene = doc.load("FromFile, Emissive, Environment(radiance: (0, 0, 0))");
+    assert_eq!(scene.emitters.len(), 3, "a point, the sun, half a square");
+    assert_eq!(scene.notes.degenerate_triangles, 1, "without area");
+    assert_eq!(scene.notes.dark_emissive_triangles, 2, "too bright to tell");
+    assert_eq!(scene.notes.zero_power_lights, 1, "the spot");
+    assert_eq!(scene.notes.black_environments, 1, "the sky");
+    assert!(scene.environment.is_none(), "and left out");
 }

@@ -476,3 +476,24 @@ fn a_texture_makes_the_mean_of_an_emissive_triangle() {
     );
     assert_eq!(scene.notes.dark_emissive_triangles, 2, "counted");
 }
+
+#[test]
+fn emissive_triangles_without_area_or_of_no_finite_power_are_skipped_and_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let scene = format!("(geometry: [\"a.obj\"], {CAMERA}, lights: [Emissive])");
+    std::fs::write(path("scene.ron"), scene).expect("a file");
+    // A square, a triangle without area, one as large as coordinates may be, and one that blinds.
+    let obj = format!(
+        "mtllib a.mtl\n{SQUARE}v 2 0 0\nv 1e12 0 0\nv 0 1e12 0\nusemtl lit\nf 1 2 3 4\nf 1 2 5\n\
+         f 1 6 7\nusemtl blinding\nf 1 2 4\n"
+    );
+    std::fs::write(path("a.obj"), obj).expect("a file");
+    let mtl = "newmtl lit\nKd 0\nKe 1e16\nnewmtl blinding\nKd 0\nKe 3e38\n";
+    std::fs::write(path("a.mtl"), mtl).expect("a file");
+    let scene = load(&path("scene.ron")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(scene.emitters.len(), 2, "the square");
+    assert_eq!(scene.emissive, [true, true, false, false], "and no other");
+    assert_eq!(scene.notes.degenerate_triangles, 1, "without area");
+    assert_eq!(scene.notes.dark_emissive_triangles, 2, "of no finite power");
+}

@@ -1,4 +1,4 @@
-//! Statistical checks for tests.
+//! Checks for tests: statistics, and damaged inputs.
 //!
 //! A check of random numbers fails now and then although nothing is wrong. Its **false-alarm rate** α is the
 //! probability of that, and it is the caller's to choose: a test that fails when `p < alpha` raises a false alarm
@@ -12,12 +12,15 @@
 //! - [`z_test`], [`p_value`], [`critical_z`]: does a mean fit the truth?
 //! - [`normal_fit`]: are z-scores, taken together, those of a sound estimator?
 //! - [`Running`]: mean and variance on the fly.
+//! - [`Fuzz`]: does what reads files stand what files may hold?
 
 mod chi_square;
+mod fuzz;
 mod normal;
 mod running;
 
 pub use chi_square::{ChiSquare, chi_square};
+pub use fuzz::{Fuzz, Outcome};
 pub use normal::{critical_z, normal_fit, p_value, sidak, z_test};
 pub use running::Running;
 

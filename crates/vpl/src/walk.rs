@@ -16,8 +16,10 @@ use crate::emit::{Particle, Sources};
 pub struct VirtualLightSpec {
     /// Virtual lights asked for; the number traced differs by chance, at a million by about 0.4 %.
     pub count: usize,
-    /// Surfaces that light may meet before the last virtual light, at least 1.
+    /// Surfaces that light may meet, that of the last virtual light counted; 1 to 65,535.
     pub max_bounces: u32,
+    /// Whether to note of each light how many surfaces that were: [`LightSet::bounces`].
+    pub keep_bounces: bool,
     /// Seed of all particle paths.
     pub seed: u64,
 }
@@ -51,6 +53,9 @@ const CHUNK: u64 = 1 << 12;
 /// virtual lights estimates the indirect light.
 ///
 /// Nothing is added when no light has power, `count` is 0, or no path meets a reflecting surface.
+///
+/// # Panics
+/// When bounces are to be kept and `lights` holds virtual lights already.
 pub fn trace(
     scene: &Scene,
     tracer: &Tracer,
@@ -77,17 +82,23 @@ pub fn trace(
     }
     let per_path = found as f64 / pilot_paths as f64;
     stats.paths = (spec.count as f64 / per_path).round().max(1.0) as u64;
+    let mut bounces = Vec::new();
     for part in walk.run(stats.paths, Purpose::Particles) {
         stats.rays += part.rays;
         for c in 0..3 {
             stats.source_flux[c] += part.source_flux[c];
         }
-        for light in &part.lights {
-            lights.push_virtual(light);
+        for (light, bounce) in part.lights.iter().zip(&part.bounces) {
+            if lights.push_virtual(light) && spec.keep_bounces {
+                bounces.push(*bounce);
+            }
             for c in 0..3 {
                 stats.virtual_flux[c] += f64::from(light.intensity[c]) * std::f64::consts::PI;
             }
         }
+    }
+    if spec.keep_bounces {
+        lights.set_bounces(bounces);
     }
     stats
 }
@@ -103,6 +114,8 @@ struct Walk<'a> {
 #[derive(Default)]
 struct Part {
     lights: Vec<VirtualLight>,
+    /// One a light: surfaces met, its own counted.
+    bounces: Vec<u16>,
     rays: u64,
     source_flux: [f64; 3],
 }
@@ -135,7 +148,7 @@ impl Walk<'_> {
         for c in 0..3 {
             part.source_flux[c] += f64::from(flux[c]);
         }
-        for _ in 0..self.spec.max_bounces {
+        for bounce in 1..=self.spec.max_bounces {
             part.rays += 1;
             let Some(hit) = self.tracer.closest(&Ray {
                 origin,
@@ -161,6 +174,7 @@ impl Walk<'_> {
             flux /= survival;
             let albedo = reflectance(&surface.brdf, cos_o);
             if flux * albedo != Vec3::ZERO {
+                part.bounces.push(bounce as u16);
                 part.lights.push(VirtualLight {
                     position: surface.ray_origin(),
                     normal: surface.ng,
@@ -279,6 +293,7 @@ mod tests {
             &VirtualLightSpec {
                 count,
                 max_bounces,
+                keep_bounces: false,
                 seed: 1,
             },
             &mut lights,

@@ -7,6 +7,7 @@ use experiment::Coordinates;
 use super::budget::Budget;
 use super::spec::{Labelled, Spec};
 use crate::job::{Job, LightsSpec, TreeSpec};
+use crate::limits::MemoryLimit;
 
 /// A cell to be rendered.
 #[derive(Debug, Clone)]
@@ -98,13 +99,14 @@ fn cells(
                             width: spec.image.width.0,
                             height: spec.image.height.0,
                             spp: budget.most_spp(),
-                            integrator: spec.integrator.into(),
+                            integrator: spec.integrator.under(&lights_spec),
                             lights: lights_spec,
                             tree: TreeSpec { builder },
                             method: entry.method.clone(),
                             // Every frame has noise of its own.
                             seed: seed.wrapping_add(u64::from(frame) << 32),
                             name: entry.name.clone(),
+                            limit: MemoryLimit::default(),
                         },
                         keeps_picture: seed == spec.seeds.0[0],
                     });

@@ -23,12 +23,12 @@ use crate::answer::Answer;
 use crate::args::ExperimentArgs;
 use crate::error::CliError;
 use crate::fingerprint::Fnv;
-use crate::job::{self, find_scene};
+use crate::job::{self, LightsSpec, find_scene};
 use crate::machine::cpu_model;
 use crate::output::check_folder;
 use crate::progress::Progress;
 use run::{Machinery, Run};
-use spec::Spec;
+pub(crate) use spec::Spec;
 
 pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
     let file = &arguments.config;
@@ -42,6 +42,10 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
     let lights = spec.lights.0.iter().map(|entry| &entry.lights);
     if let Some(message) = lights.filter_map(|l| spec.integrator.conflict(l)).next() {
         return Err(error_at(file, "integrator", message));
+    }
+    let mut lights = spec.lights.0.iter().map(|entry| &entry.lights);
+    if let Some(message) = lights.find_map(LightsSpec::conflict) {
+        return Err(error_at(file, "lights", message));
     }
     let spec = match arguments.quick {
         true => spec.quick(),

@@ -31,8 +31,13 @@ impl Still {
         let progress = f64::from(frame) / f64::from(animation.frames.0 - 1);
         match &animation.path {
             Path::Camera(keys) => {
-                scene.camera.origin = at(keys, progress, |key| key.origin.0);
-                scene.camera.target = at(keys, progress, |key| key.target.0);
+                let camera = CameraSpec {
+                    origin: at(keys, progress, |key| key.origin.0),
+                    target: at(keys, progress, |key| key.target.0),
+                    ..self.camera
+                };
+                // Keys are in the coordinates of the files.
+                scene.camera = camera.moved_by(-scene.origin);
             }
             Path::Lights(keys) => {
                 let offset = at(keys, progress, |key| key.0);

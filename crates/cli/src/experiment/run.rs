@@ -18,6 +18,7 @@ use crate::error::CliError;
 use crate::fingerprint::Fnv;
 use crate::interrupt;
 use crate::job::{Builder, Job, LightsSpec};
+use crate::limits::MemoryLimit;
 use crate::prepared::{LoadedScene, PreparedLights};
 use crate::progress::Progress;
 use crate::report;
@@ -92,7 +93,8 @@ impl Run<'_> {
 
     fn load(&self, group: &Group, scene: &Result<PathBuf, String>) -> Result<Stage, String> {
         let path = scene.as_ref().map_err(Clone::clone)?;
-        let loaded = LoadedScene::load(path, self.machinery.progress).map_err(|e| e.to_string())?;
+        let loaded = LoadedScene::load(path, MemoryLimit::default(), self.machinery.progress)
+            .map_err(|e| e.to_string())?;
         Ok(Stage {
             scene: group.scene,
             still: Still::of(&loaded.scene),

@@ -126,10 +126,10 @@ impl TryFrom<(f32, f32, f32)> for Offset {
 
     fn try_from(found: (f32, f32, f32)) -> Result<Self, String> {
         let offset = Vec3::from(found);
-        match offset.is_finite() && offset.abs().max_element() <= 1e15 {
+        match offset.is_finite() && offset.abs().max_element() <= 1e12 {
             true => Ok(Self(offset)),
             false => Err(format!(
-                "found {found:?}; expected three numbers from -1e15 to 1e15"
+                "found {found:?}; expected three numbers from -1e12 to 1e12"
             )),
         }
     }

@@ -21,6 +21,7 @@ fn nave(count: usize) -> (Scene, Tracer, Inputs) {
     let spec = vpl::VirtualLightSpec {
         count,
         max_bounces: 8,
+        keep_bounces: false,
         seed: 1,
     };
     vpl::trace(&scene, &tracer, &spec, &mut lights);

@@ -109,6 +109,7 @@ pub(crate) fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, L
     let spec = vpl::VirtualLightSpec {
         count: 300,
         max_bounces: 4,
+        keep_bounces: false,
         seed: 5,
     };
     vpl::trace(&lit, tracer, &spec, &mut bounced);
@@ -165,6 +166,7 @@ fn cases(glossy: bool) -> Vec<(Scene, Tracer, &'static str, LightSet)> {
             let spec = vpl::VirtualLightSpec {
                 count: 200,
                 max_bounces: 3,
+                keep_bounces: false,
                 seed: 5,
             };
             vpl::trace(&scene, &tracer, &spec, &mut lights);

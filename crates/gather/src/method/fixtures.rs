@@ -88,6 +88,7 @@ pub(crate) fn many_lights(scene: &Scene, tracer: &Tracer) -> LightSet {
     let spec = vpl::VirtualLightSpec {
         count: 1500,
         max_bounces: 4,
+        keep_bounces: false,
         seed: 5,
     };
     vpl::trace(&lit, tracer, &spec, &mut lights);

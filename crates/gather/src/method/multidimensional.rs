@@ -146,7 +146,12 @@ impl<E: LightEval> Pixel<'_, '_, E> {
     fn sample(&mut self, (light, points): Pairs) -> Sample {
         let u = self.next;
         self.next = (self.next + STRIDE).fract();
-        let light = self.order.draw(light, u.x);
+        let Clusters {
+            tree,
+            representatives,
+            ..
+        } = self.clusters;
+        let light = self.order.draw(tree, representatives, light, u.x);
         let point = self.gather.draw(points, u.y);
         let x = &self.points[self.gather.point(point)];
         Sample {

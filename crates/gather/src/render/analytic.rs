@@ -11,13 +11,13 @@ use super::*;
 use crate::method::StochasticLightcutsSpec;
 use crate::method::shining_room::shining_room;
 
-const PATH: fn(u32) -> Integrator = |max_bounces| Integrator::Path { max_bounces };
+pub(super) const PATH: fn(u32) -> Integrator = |max_bounces| Integrator::Path { max_bounces };
 
-fn all_lights() -> MethodSpec {
+pub(super) fn all_lights() -> MethodSpec {
     MethodSpec::AllLights(Default::default())
 }
 
-fn stochastic() -> MethodSpec {
+pub(super) fn stochastic() -> MethodSpec {
     MethodSpec::StochasticLightcuts(StochasticLightcutsSpec::default())
 }
 
@@ -104,7 +104,7 @@ fn matte(reflectance: f32) -> Material {
 }
 
 /// A closed cube of side 2 about the origin, seen from inside.
-fn cube(reflectance: f32) -> Scene {
+pub(super) fn cube(reflectance: f32) -> Scene {
     let corner = |i: u32| {
         let c = |bit: u32| if i & bit != 0 { 1.0 } else { -1.0 };
         Vec3::new(c(1), c(2), c(4))
@@ -135,7 +135,7 @@ fn cube(reflectance: f32) -> Scene {
 }
 
 /// An octahedron whose faces were `times` divided into four, its corners moved to distance `radius` from `centre`.
-fn sphere(centre: Vec3, radius: f32, times: u32) -> Mesh {
+pub(super) fn sphere(centre: Vec3, radius: f32, times: u32) -> Mesh {
     let axes = [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y];
     let mut faces = Vec::new();
     for pole in [Vec3::Z, Vec3::NEG_Z] {
@@ -187,7 +187,7 @@ fn floor_at_origin() -> Scene {
 }
 
 /// Adds triangles to a scene.
-fn add(scene: &mut Scene, more: Mesh) -> usize {
+pub(super) fn add(scene: &mut Scene, more: Mesh) -> usize {
     let mesh = &mut scene.mesh;
     let (first, vertex) = (mesh.len(), mesh.positions.len() as u32);
     mesh.positions.extend(more.positions);
@@ -411,6 +411,7 @@ fn virtual_lights_and_paths_find_the_same_light_in_a_closed_room() {
     let traced = vpl::VirtualLightSpec {
         count: 6000,
         max_bounces: bounces,
+        keep_bounces: false,
         seed: 3,
     };
     vpl::trace(&scene, &tracer, &traced, &mut lights);

@@ -1,15 +1,11 @@
 //! Pictures of environments: EXR, Radiance HDR, PNG and JPEG.
 
-use std::io::Cursor;
-
 use glam::Vec3;
-use image::{ImageFormat, ImageReader, Limits};
+use image::ImageFormat;
 
+use crate::load::decode::{Decoded, decode};
 use crate::load::{SceneText, unreadable};
 use crate::{Environment, SceneError};
-
-/// Texels a side at most.
-const LARGEST: u32 = 16384;
 
 /// Bytes a decoder may use: 16384 × 8192 texels of three floats.
 const MOST_BYTES: u64 = 3 << 29;
@@ -26,33 +22,17 @@ pub(super) fn load(
     let bytes = source.read(&name);
     let bytes = bytes.map_err(|e| scene.error(field, unreadable(&source, &name, &e)))?;
     let shown = source.shown(&name);
-    decode(bytes, scale).map_err(|message| scene.error(field, format!("{shown}: {message}")))
+    read(&bytes, scale).map_err(|message| scene.error(field, format!("{shown}: {message}")))
 }
 
-fn decode(bytes: Vec<u8>, scale: f32) -> Result<Option<Environment>, String> {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let mut reader = reader.map_err(|e| e.to_string())?;
-    let format = reader.format();
-    let linear = matches!(format, Some(ImageFormat::OpenExr | ImageFormat::Hdr));
-    if !linear && !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err("not an EXR, HDR, PNG or JPEG file".to_owned());
-    }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(LARGEST);
-    limits.max_image_height = Some(LARGEST);
-    limits.max_alloc = Some(MOST_BYTES);
-    reader.limits(limits);
-    let image = reader.decode().map_err(|e| match e {
-        image::ImageError::Limits(_) => {
-            format!("{e}; expected at most {LARGEST} × {LARGEST} texels")
-        }
-        e => e.to_string(),
-    })?;
+fn read(bytes: &[u8], scale: f32) -> Result<Option<Environment>, String> {
+    use ImageFormat::{Hdr, Jpeg, OpenExr, Png};
+    let formats = [OpenExr, Hdr, Png, Jpeg];
+    let Decoded { image, format } =
+        decode(bytes, &formats, "an EXR, HDR, PNG or JPEG", MOST_BYTES)?;
+    let linear = matches!(format, OpenExr | Hdr);
     let image = image.into_rgb32f();
     let (width, height) = image.dimensions();
-    if width == 0 || height == 0 {
-        return Err("the image has no texels".to_owned());
-    }
     let mut texels = Vec::with_capacity(width as usize * height as usize);
     for (x, y, pixel) in image.enumerate_pixels() {
         let stored = Vec3::from_array(pixel.0);

@@ -3,6 +3,7 @@
 //! Scene files are untrusted: every number is checked, nothing panics, and names in files cannot leave the
 //! scene's folder. What is dropped is counted in [`LoadNotes`].
 
+mod decode;
 mod emissive;
 mod environment;
 mod gltf;
@@ -10,6 +11,7 @@ mod lights;
 mod mtl;
 mod obj;
 mod obj_check;
+mod place;
 mod scene_file;
 mod source;
 mod texture;
@@ -134,9 +136,12 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         emissive: Vec::new(),
         environment: lights.environment,
         camera,
+        origin: glam::Vec3::ZERO,
         metres_per_unit: file.metres_per_unit.0,
         notes,
     };
+    place::check_extent(&scene.mesh).map_err(|message| SceneError::file(&shown, message))?;
+    place::centre(&mut scene);
     if lights.emissive {
         emissive::find(&mut scene);
     }

@@ -5,8 +5,8 @@ use serde::Deserialize;
 
 use crate::CameraSpec;
 
-/// Coordinates beyond this are refused: squares of distances must stay finite in `f32`.
-pub(super) const FARTHEST: f32 = 1e15;
+/// Coordinates beyond this are refused: the triangle test multiplies three lengths, which must stay finite in `f32`.
+pub(super) const FARTHEST: f32 = 1e12;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

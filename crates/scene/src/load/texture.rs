@@ -1,16 +1,12 @@
 //! PNG and JPEG files.
 
+use image::ImageFormat;
 use std::collections::HashMap;
-use std::io::Cursor;
 
-use image::{ImageReader, Limits};
-
+use crate::load::decode::decode;
 use crate::load::source::Source;
 use crate::load::unreadable;
 use crate::{SceneError, Texture, TextureId};
-
-/// Texels a side at most: a small file must not claim the whole memory.
-const LARGEST: u32 = 16384;
 
 /// Bytes a decoder may use: 16384 × 16384 texels of four bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -62,29 +58,14 @@ impl Wanted {
     fn decode(&self) -> Result<Texture, String> {
         let bytes = self.source.read(&self.name);
         let bytes = bytes.map_err(|e| unreadable(&self.source, &self.name, &e))?;
-        let wrong = |e: &dyn std::fmt::Display| format!("{}: {e}", self.shown);
-        let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-        let mut reader = reader.map_err(|e| wrong(&e))?;
-        if reader.format().is_none() {
-            return Err(wrong(&"not a PNG or JPEG file"));
-        }
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(LARGEST);
-        limits.max_image_height = Some(LARGEST);
-        limits.max_alloc = Some(MOST_BYTES);
-        reader.limits(limits);
-        let image = reader.decode().map_err(|e| match e {
-            image::ImageError::Limits(_) => wrong(&format_args!(
-                "{e}; expected at most {LARGEST} × {LARGEST} texels"
-            )),
-            e => wrong(&e),
-        })?;
+        let formats = [ImageFormat::Png, ImageFormat::Jpeg];
+        let decoded = decode(&bytes, &formats, "a PNG or JPEG", MOST_BYTES);
+        let image = decoded
+            .map_err(|message| format!("{}: {message}", self.shown))?
+            .image;
         let has_alpha = image.color().has_alpha();
         let image = image.into_rgba8();
         let (width, height) = image.dimensions();
-        if width == 0 || height == 0 {
-            return Err(wrong(&"the image has no texels"));
-        }
         Ok(Texture {
             path: self.shown.clone(),
             width,

@@ -74,7 +74,11 @@ pub(super) fn read(
     };
     let mut looks = Vec::new();
     for (i, from) in data.root.materials.iter().enumerate() {
-        looks.push(material(parts, &mut images, i, from)?);
+        let look = material(parts, &mut images, i, from);
+        looks.push(look.map_err(|message| match &from.name {
+            Some(name) => format!("{message} (material `{name}`)"),
+            None => message,
+        })?);
     }
     if images.repeated > 0 {
         let (shown, count) = (source.shown(name), images.repeated);

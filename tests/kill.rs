@@ -1,0 +1,247 @@
+//! Renders that are ended at any moment, or have no room on the disk: what is there afterwards is whole, and the
+//! render goes on to the bits of one that nobody disturbed.
+#![cfg(unix)]
+
+mod support;
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use film::Picture;
+use support::{BINARY, Folder};
+
+/// Large enough that a good part of the time goes into writing.
+const LINE: &str = "render room.ron --size 96x64 --quiet";
+/// Each start makes a pass, and writes all files anew.
+const SPP: u32 = 40;
+
+/// Numbers in [0, 1) that are evenly spread however many they are: multiples of the golden ratio.
+fn spread(n: u32) -> f64 {
+    (f64::from(n) * 0.618_033_988_749_894_9).fract()
+}
+
+/// Starts the command, kills it after `delay`, and says whether it was still there to be killed.
+fn kill_after(folder: &Folder, line: &str, delay: Duration) -> bool {
+    let mut command = folder.command(line);
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("starts");
+    std::thread::sleep(delay);
+    let was_running = matches!(child.try_wait(), Ok(None));
+    child.kill().expect("kills");
+    child.wait().expect("ended");
+    was_running
+}
+
+/// Every file in `out` can be read as what its name says, apart from temporary ones that never took a name.
+fn assert_whole(folder: &Folder) {
+    for path in folder.files() {
+        let shown = path.display().to_string();
+        let bytes = std::fs::read(&path).expect("reads");
+        let hidden = path
+            .file_name()
+            .is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        match path.extension().and_then(|e| e.to_str()) {
+            _ if hidden => {}
+            Some("exr") => {
+                film::read_image(&path).unwrap_or_else(|e| panic!("half a file: {e}"));
+            }
+            Some("json") => {
+                serde_json::from_slice::<serde_json::Value>(&bytes)
+                    .unwrap_or_else(|e| panic!("half a file: {shown}: {e}"));
+            }
+            Some("png") => {
+                // Its last chunk has nothing in it.
+                assert!(
+                    bytes.ends_with(b"IEND\xAE\x42\x60\x82"),
+                    "half a file: {shown}"
+                );
+            }
+            Some("csv" | "html" | "svg" | "md") => assert!(!bytes.is_empty(), "{shown}"),
+            _ => {}
+        }
+    }
+}
+
+/// How long the command takes when nobody disturbs it.
+fn time(folder: &Folder, line: &str) -> Duration {
+    let begun = Instant::now();
+    folder.run(line).fine();
+    begun.elapsed()
+}
+
+/// Kills renders at `moments` moments between beginning and end.
+fn kill_renders(moments: u32) {
+    let folder = Folder::with_room();
+    folder
+        .run(&format!("{LINE} --spp {SPP} --name whole"))
+        .fine();
+    let pass = format!("{LINE} --spp {SPP} --max-seconds 0 --resume");
+    let whole = time(&folder, &pass);
+    let mut killed = 0;
+    for n in 0..moments {
+        if folder.exists("out/room.exr") && !folder.exists("out/room.state") {
+            // It is finished: begin anew.
+            std::fs::remove_file(folder.path("out/room.exr")).expect("removes");
+        }
+        killed += u32::from(kill_after(&folder, &pass, whole.mul_f64(1.1 * spread(n))));
+        assert_whole(&folder);
+    }
+    assert!(
+        killed >= moments / 2,
+        "only {killed} of {moments} were killed"
+    );
+    folder.run(&format!("{LINE} --spp {SPP} --resume")).fine();
+    for end in ["exr", "png"] {
+        let [went_on, undisturbed] =
+            ["room", "whole"].map(|n| folder.read(&format!("out/{n}.{end}")));
+        assert!(went_on == undisturbed, "{end} after {killed} kills differs");
+    }
+    eprintln!("{killed} renders of {moments} killed while they ran");
+}
+
+#[test]
+fn a_render_killed_at_any_moment_leaves_whole_files_and_goes_on_to_the_same_bits() {
+    kill_renders(6);
+}
+
+#[test]
+#[ignore = "minutes: a hundred moments"]
+fn a_render_killed_at_a_hundred_moments_goes_on_to_the_same_bits() {
+    kill_renders(160);
+}
+
+const EXPERIMENT: &str = "(
+    title: \"Rooms\", image: (width: 32, height: 18), scenes: [(name: \"room\", scene: \"scene/scene.ron\")],
+    methods: [(name: \"power\", method: Power), (name: \"all\", method: AllLights)],
+    budgets: [Spp(2), Spp(9)], seeds: [1, 2], reference: (standard_error: 0.2, max_spp: 64),
+)";
+
+/// Kills an experiment at `moments` moments; it is begun anew whenever it is finished.
+fn kill_experiments(moments: u32) {
+    let folder = Folder::with_room();
+    folder.write("e.ron", EXPERIMENT);
+    let line = "experiment e.ron --quiet --out out/e";
+    let whole = time(&folder, "experiment e.ron --quiet --out out/whole");
+    let mut killed = 0;
+    for n in 0..moments {
+        killed += u32::from(kill_after(&folder, line, whole.mul_f64(1.1 * spread(n))));
+        assert_whole(&folder);
+        if n % 4 == 3 {
+            folder.run(line).fine();
+            assert_eq!(
+                pictures(&folder, "e"),
+                pictures(&folder, "whole"),
+                "after {killed} kills"
+            );
+            std::fs::remove_dir_all(folder.path("out/e")).expect("removes");
+        }
+    }
+    eprintln!("{killed} experiments of {moments} killed while they ran");
+}
+
+/// The radiance of all of an experiment's pictures; their names depend on the clock as little as they do.
+fn pictures(folder: &Folder, name: &str) -> Vec<Vec<[u32; 3]>> {
+    let below = folder.path(&format!("out/{name}"));
+    let files = folder.files();
+    let mine = files.iter().filter(|f| f.starts_with(&below));
+    let exr = mine.filter(|f| f.extension().is_some_and(|e| e == "exr"));
+    let images = exr.map(|path| film::read_image(path).unwrap_or_else(|e| panic!("{e}")));
+    let mut all: Vec<Vec<_>> = images
+        .map(|i| {
+            i.pixels
+                .iter()
+                .map(|p| p.to_array().map(f32::to_bits))
+                .collect()
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+#[test]
+#[ignore = "minutes: a hundred moments"]
+fn an_experiment_killed_at_a_hundred_moments_goes_on_to_the_same_pictures() {
+    kill_experiments(180);
+}
+
+/// Runs the command where no file may be larger than so many blocks of 512 bytes, and writing more is an error, as it is
+/// on a full disk.
+fn run_with_little_room(folder: &Folder, line: &str, blocks: u32) -> (Option<i32>, String) {
+    let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {line}");
+    let output = Command::new("sh")
+        .args(["-c", &limited, BINARY])
+        .current_dir(folder.path(""))
+        .output()
+        .expect("sh starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said)
+}
+
+#[test]
+fn a_full_disk_is_an_error_that_keeps_the_last_good_state() {
+    let folder = Folder::with_room();
+    folder.run(&format!("{LINE} --spp 6 --name whole")).fine();
+    folder
+        .run(&format!("{LINE} --spp 6 --max-seconds 0"))
+        .fine();
+    let kept = ["exr", "json", "state"].map(|end| folder.read(&format!("out/room.{end}")));
+    let before = folder.files();
+    let (code, said) = run_with_little_room(&folder, &format!("{LINE} --spp 6 --resume"), 16);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(
+        said.starts_with("error: ") && said.contains("out/room."),
+        "{said}"
+    );
+    assert!(!said.contains("panicked"), "{said}");
+    for (end, kept) in ["exr", "json", "state"].iter().zip(kept) {
+        assert!(
+            folder.read(&format!("out/room.{end}")) == kept,
+            "room.{end} is another"
+        );
+    }
+    assert_eq!(folder.files(), before, "no temporary file is left");
+    folder.run(&format!("{LINE} --spp 6 --resume")).fine();
+    assert!(
+        folder.read("out/room.exr") == folder.read("out/whole.exr"),
+        "the render that went on differs"
+    );
+}
+
+#[test]
+fn a_finished_render_whose_picture_cannot_be_written_is_saved() {
+    let folder = Folder::with_room();
+    folder.run(&format!("{LINE} --spp 6 --name whole")).fine();
+    // The state of so few pixels is smaller than their picture: it fits where that does not.
+    let tiny = "render room.ron --quiet --spp 6 --set lights=AsGiven --size";
+    let size = |folder: &Folder, name: &str| folder.read(name).len();
+    folder.run(&format!("{tiny} 1x1 --max-seconds 0")).fine();
+    let (exr, state) = (
+        size(&folder, "out/room.exr"),
+        size(&folder, "out/room.state"),
+    );
+    assert!(
+        state + 512 < exr,
+        "a state of {state} bytes beside a picture of {exr}"
+    );
+    for end in ["exr", "png", "json", "state"] {
+        std::fs::remove_file(folder.path(&format!("out/room.{end}"))).expect("removes");
+    }
+    let blocks = state.div_ceil(512) as u32;
+    let (code, said) = run_with_little_room(&folder, &format!("{tiny} 1x1"), blocks);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(
+        said.contains("room.exr") && said.contains("--resume"),
+        "{said}"
+    );
+    let ran = folder.run(&format!("{} 1x1 --resume", tiny.replace("--quiet ", "")));
+    ran.fine().says(&["6 of 6 samples"]);
+    assert!(
+        folder.exists("out/room.exr") && !folder.exists("out/room.state"),
+        "finished"
+    );
+    let whole: Picture = folder.picture("out/room.exr");
+    assert_eq!(whole.samples, [6], "samples");
+}
