@@ -77,3 +77,109 @@ struct Probed {
     /// Sum of squares of what arrived over what the weight had it be.
     squares: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use light_tree::{LightSet, TreeBuilder};
+    use sampling::Purpose;
+    use scene::trace::{Hit, Tracer};
+
+    use super::*;
+    use crate::Inputs;
+    use crate::contribution::VirtualShape;
+    use crate::method::conformance::room;
+    use crate::shadow_queue::{QueueScratch, ShadowQueue};
+
+    #[test]
+    fn what_is_hidden_is_drawn_less_and_the_variance_falls() {
+        let scene = room(false);
+        let tracer = Tracer::build(&scene);
+        // A ceiling of lights, of which the block's roof leaves few in sight of the floor below it.
+        let mut lights = LightSet::default();
+        for i in 0..900 {
+            let (x, z) = ((i % 30) as f32 / 7.5 - 1.99, (i / 30) as f32 / 7.5 - 1.99);
+            lights.push_point(Vec3::new(x, 2.5, z), Vec3::ONE);
+        }
+        let inputs = Inputs::new(lights, TreeBuilder::Binned);
+        let tree = inputs.wide_tree().expect("has lights");
+        let pilots: Vec<_> = (0..16)
+            .map(|i| {
+                // On the floor, about (-0.3, 0, -0.1): below the block's roof.
+                let hit = Hit {
+                    t: 1.0,
+                    triangle: 0,
+                    u: 0.05 + 0.002 * (i % 4) as f32,
+                    v: 0.42 + 0.005 * (i / 4) as f32,
+                };
+                let down = Vec3::NEG_Y;
+                GatherPoint::new(&scene.surface(&hit, down), -down, Vec3::ONE, 0)
+            })
+            .collect();
+        assert!(pilots.iter().all(|x| x.ns == Vec3::Y), "on the floor");
+        let shape = VirtualShape::Sphere;
+        let mut memory = QueueScratch::default();
+        let mut queue = ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
+        let (mut cut, mut draws) = (SharedCut::default(), Draws::default());
+        let receivers: Vec<_> = pilots.iter().map(|x| x.receiver).collect();
+        cut.refine(tree, &receivers, 128);
+        let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
+        let factors = factors(&cut, tree, &pilots, &mut queue, rng, &mut draws);
+        assert_eq!(factors.len(), cut.len());
+        assert!(factors.iter().all(|f| f.is_finite() && *f > 0.0));
+
+        let x = &pilots[5];
+        let mut moments = |factors: &[f32]| {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for _ in 0..4000 {
+                cut.weigh(tree, &x.receiver, &mut draws);
+                draws.scale(factors);
+                cut.draw(tree, &x.receiver, 1, rng.f64(), &mut draws);
+                let drawn = draws.lights().iter();
+                let estimate: f64 = drawn
+                    .map(|d| f64::from(luminance(queue.radiance(x, d.light))) / d.expected)
+                    .sum();
+                sum += estimate;
+                squares += estimate * estimate;
+            }
+            (sum / 4000.0, squares / 4000.0)
+        };
+        let (mean, square) = moments(&[]);
+        let (learned_mean, learned_square) = moments(&factors);
+        let variances = [
+            square - mean * mean,
+            learned_square - learned_mean * learned_mean,
+        ];
+        // Means over 4000 draws each, 5 sigma: false alarm 6e-7.
+        let sigma = ((variances[0] + variances[1]) / 4000.0).sqrt();
+        assert!(
+            (mean - learned_mean).abs() < 5.0 * sigma,
+            "{mean} and {learned_mean}"
+        );
+        assert!(variances[1] * 2.0 < variances[0], "{variances:?}");
+    }
+
+    #[test]
+    fn nothing_is_learned_where_nothing_arrives() {
+        let scene = room(false);
+        let tracer = Tracer::build(&scene);
+        let mut lights = LightSet::default();
+        for i in 0..20 {
+            lights.push_point(Vec3::new(i as f32, -1.0, 0.0), Vec3::ONE);
+        }
+        let inputs = Inputs::new(lights, TreeBuilder::Binned);
+        let tree = inputs.wide_tree().expect("has lights");
+        let pilots = crate::method::conformance::gather_points(&scene);
+        let mut memory = QueueScratch::default();
+        let shape = VirtualShape::Sphere;
+        let mut queue = ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
+        let (mut cut, mut draws) = (SharedCut::default(), Draws::default());
+        cut.refine(tree, &[pilots[0].receiver], 8);
+        let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
+        let on_floor = &pilots[..1];
+        for pilots in [on_floor, &[]] {
+            let factors = factors(&cut, tree, pilots, &mut queue, rng, &mut draws);
+            assert!(factors.is_empty(), "{factors:?}");
+        }
+    }
+}

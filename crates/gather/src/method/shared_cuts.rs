@@ -233,6 +233,7 @@ mod tests {
                 points: &points,
                 width: 4,
                 samples: 1,
+                probe_stream: &stream(0, Purpose::Probe),
                 stream: &stream,
             };
             shared.refine(

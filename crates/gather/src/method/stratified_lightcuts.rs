@@ -3,7 +3,7 @@
 //!
 //! What it adds to Stochastic Lightcuts (Yuksel 2019): a cut of hundreds of clusters, made once for a tile and weighed
 //! for each point eight clusters at a time, takes the place of ten clusters a point; weights estimate rather than bound
-//! what a cluster brings; and the draws of all of a pixel's samples follow one low-discrepancy sequence along the
+//! what a cluster brings, and are set right by what a few rays find in the way; and the draws of all of a pixel's samples follow one low-discrepancy sequence along the
 //! tree's order, together with the places in the pixel.
 
 use light_tree::{Draws, SharedCut, WideTree};
