@@ -94,8 +94,11 @@ impl EnergyVariance {
         if self.unit <= 0.0 {
             return 0.0;
         }
-        let node = tree.node(id);
         let energy = f64::from(self.relative[id.0 as usize]);
+        if energy == f64::INFINITY {
+            return energy; // of a mixture, also where the distances of its positional lights do not vary
+        }
+        let node = tree.node(id);
         let mut deviation = 0.0;
         if node.has_positions() {
             let sphere = tree.sphere(receiver, node);
@@ -229,5 +232,18 @@ mod tests {
         );
         let first = tree.node(tree.root()).first_child().expect("two lights");
         assert_eq!(variance.deviation(&tree, &inside, first), 0.0, "one light");
+    }
+
+    #[test]
+    fn a_mixture_differs_without_bound_also_where_its_positional_light_is_one() {
+        let mut set = LightSet::default();
+        set.push_point(Vec3::Y, Vec3::ONE);
+        set.push_directional(Vec3::NEG_Y, Vec3::ONE);
+        set.push_directional(Vec3::X, Vec3::ONE);
+        let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
+        let variance = EnergyVariance::of(&tree);
+        let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+        let found = variance.deviation(&tree, &x, tree.root());
+        assert_eq!(found, f64::INFINITY, "lamp and parallel light");
     }
 }
