@@ -177,6 +177,7 @@ pub(crate) fn write(
                 "wide_tree",
                 wide_tree.map_or(0, light_tree::WideTree::bytes),
             ),
+            ("learned", render.learned_bytes()),
         ]),
         lights: BTreeMap::from([
             ("point", lights.count(LightKind::Omni)),

@@ -264,6 +264,12 @@ impl<'a> Render<'a> {
         all
     }
 
+    /// Heap memory in bytes of what the method keeps of the tiles from pass to pass.
+    pub fn learned_bytes(&self) -> usize {
+        let capacity: usize = self.tiles.iter().map(|tile| tile.learned.capacity()).sum();
+        capacity * size_of::<f32>()
+    }
+
     /// The picture so far; pixels of other shards are empty.
     pub fn picture(&self) -> Picture {
         let mut picture = Picture::new(self.spec.width, self.spec.height);

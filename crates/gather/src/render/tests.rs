@@ -3,7 +3,7 @@
 use light_tree::TreeBuilder;
 
 use super::*;
-use crate::method::StochasticLightcutsSpec;
+use crate::method::{StochasticLightcutsSpec, StratifiedLightcutsSpec};
 use scene::{CameraSpec, Material, MaterialId, Mesh};
 
 pub(super) fn floor_scene() -> Scene {
@@ -87,7 +87,7 @@ fn rendered(spec: RenderSpec, method: &MethodSpec, threads: usize) -> Picture {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    for method in [sharing(1), sharing(5)] {
+    for method in [sharing(1), sharing(5), MethodSpec::default()] {
         let one = rendered(spec(), &method, 1);
         assert!(
             one.radiance.iter().any(|c| *c != Vec3::ZERO),
@@ -146,7 +146,7 @@ fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
 
 #[test]
 fn shards_put_together_are_the_whole() {
-    for method in [sharing(1), sharing(8)] {
+    for method in [sharing(1), sharing(8), MethodSpec::default()] {
         shards_are_the_whole_with(&method);
     }
 }
@@ -196,6 +196,27 @@ fn a_method_that_takes_whole_pixels_gets_all_samples_at_once() {
         (whole - exact).abs().max_element() < 1e-2 * exact.max_element(),
         "{whole} instead of {exact}"
     );
+}
+
+#[test]
+fn what_is_learned_takes_a_number_for_each_of_a_tiles_clusters() {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+    let bytes = |spp, learn| {
+        let method = MethodSpec::StratifiedLightcuts(StratifiedLightcutsSpec {
+            learn,
+            ..Default::default()
+        });
+        let mut render = Render::new(&scene, &tracer, &inputs, &method, spec());
+        while render.spp() < spp && render.pass(&|_| ()).is_some() {}
+        render.learned_bytes()
+    };
+    assert_eq!([bytes(2, true), bytes(4, false)], [0, 0], "nothing learned");
+    // 4 by 3 tiles of up to 256 + 7 clusters; those at the top see no floor.
+    let tile = 263 * size_of::<f32>();
+    let learned = bytes(4, true);
+    assert!((tile..=12 * tile).contains(&learned), "{learned} bytes");
 }
 
 #[test]
