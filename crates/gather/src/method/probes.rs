@@ -10,10 +10,12 @@ use sampling::Rng;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
-/// Typical probes that each cluster has in advance: no cluster's weight falls to nothing because a few probes saw nothing.
-const PRIOR: f64 = 1.0;
-/// What a factor is at most, times what is typical.
-const MOST: f64 = 1e3;
+/// Typical probes that each cluster has in advance: a cluster whose sixteen probes saw nothing keeps half its weight. With
+/// fewer the noise of most pixels is lower, but one in ten thousand finds a light that was thought hidden, thirty times too bright.
+const PRIOR: f64 = 6.0;
+/// What a factor is at most, times what is typical: one probe that met a light at arm's length must not draw a whole tile's
+/// samples to its cluster, as what another pixel then finds elsewhere by chance would count for too much.
+const MOST: f64 = 2.0;
 
 /// By how much the weight of each of the cut's clusters is to be multiplied, each > 0 and finite; nothing when no light reaches any of the
 /// `pilots`.
