@@ -17,8 +17,8 @@ const PRIOR: f64 = 6.0;
 /// samples to its cluster, as what another pixel then finds elsewhere by chance would count for too much.
 const MOST: f64 = 2.0;
 
-/// By how much the weight of each of the cut's clusters is to be multiplied, each > 0 and finite; nothing when no light reaches any of the
-/// `pilots`.
+/// By how much the weight of each of the cut's clusters is to be multiplied, each > 0 and finite; 1 for all when no light
+/// reaches any of the `pilots`.
 ///
 /// One light of each cluster is drawn and traced for each of the pilots.
 pub(super) fn factors<E: LightEval>(
@@ -58,7 +58,7 @@ pub(super) fn factors<E: LightEval>(
     }
     let typical = sum / weights;
     if !(typical > 0.0 && typical.is_finite()) {
-        return Vec::new();
+        return vec![1.0; clusters.len()];
     }
     let factor = |c: &Probed| {
         let square = (c.squares / typical + PRIOR) / (c.probes + PRIOR);
@@ -181,7 +181,7 @@ mod tests {
         let on_floor = &pilots[..1];
         for pilots in [on_floor, &[]] {
             let factors = factors(&cut, tree, pilots, &mut queue, rng, &mut draws);
-            assert!(factors.is_empty(), "{factors:?}");
+            assert_eq!(factors, vec![1.0; cut.len()], "{} pilots", pilots.len());
         }
     }
 }
