@@ -91,6 +91,9 @@ pub(crate) struct RenderArgs {
     /// Picture to measure the error against, after every pass
     #[arg(long, value_name = "R.exr")]
     pub(crate) reference: Option<PathBuf>,
+    /// Show the picture in the tev viewer that listens there, after every pass
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) tev: Option<String>,
 }
 
 #[derive(Debug, Args)]

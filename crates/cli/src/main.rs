@@ -20,6 +20,7 @@ mod progress;
 mod render;
 mod report;
 mod state;
+mod tev;
 mod write_scene;
 
 use std::process::ExitCode;

@@ -1,6 +1,6 @@
 //! `manylight merge`.
 
-use film::{Exposure, Picture};
+use film::{Exposure, Metadata, Picture};
 
 use crate::args::MergeArgs;
 use crate::error::CliError;
@@ -9,12 +9,12 @@ use crate::output::check_file;
 pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     check_file(&arguments.out)?;
     let mut parts = Vec::new();
-    let mut attributes: Option<Vec<(String, String)>> = None;
+    let mut metadata: Option<Metadata> = None;
     for path in &arguments.shards {
         let (picture, found) = Picture::read_exr(path)?;
-        match &attributes {
-            Some(first) if without_path(first) != without_path(&found) => {
-                let pairs = without_path(first).into_iter().zip(without_path(&found));
+        match &metadata {
+            Some(first) if content(first) != content(&found) => {
+                let pairs = content(first).into_iter().zip(content(&found));
                 let differs = pairs.into_iter().find(|(a, b)| a != b);
                 let what = differs.map_or(String::new(), |(a, b)| {
                     format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
@@ -25,18 +25,20 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
                 )));
             }
             Some(_) => {}
-            None => attributes = Some(found),
+            None => metadata = Some(found),
         }
         parts.push((path.display().to_string(), picture));
     }
     let whole = Picture::merge(&parts)?;
-    whole.write_exr(&arguments.out, &attributes.unwrap_or_default())?;
+    whole.write_exr(&arguments.out, &metadata.unwrap_or_default())?;
     whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
     Ok(())
 }
 
-/// All but where the scene was: shards may come from several machines, and `scene_content` tells scenes apart.
-fn without_path(attributes: &[(String, String)]) -> Vec<&(String, String)> {
-    let path = |name: &str| name == "scene";
-    attributes.iter().filter(|(name, _)| !path(name)).collect()
+/// All but where the scene was and how the run file was written: shards may come from several machines, `scene_content`
+/// tells scenes apart, and what a run file means is there in other texts.
+fn content(metadata: &Metadata) -> Vec<&(String, String)> {
+    let is_form = |name: &str| name == "scene" || name == "config";
+    let texts = metadata.texts.iter();
+    texts.filter(|(name, _)| !is_form(name)).collect()
 }

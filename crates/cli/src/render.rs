@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use film::{Exposure, Image, Picture};
+use film::{Exposure, Image};
 use gather::{Pass, Render, Shard};
 
 use crate::args::RenderArgs;
@@ -15,6 +15,7 @@ use crate::prepared::{LoadedScene, Prepared, PreparedLights};
 use crate::progress::Progress;
 use crate::report::{self, Measured, PassError, SetUpSeconds};
 use crate::state::{self, Resumed, Saved, Subject};
+use crate::tev::Viewer;
 
 pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
@@ -38,6 +39,10 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     if let Some(reference) = &reference {
         refuse_reference(job, reference, arguments)?;
     }
+    let mut viewer = match &arguments.tev {
+        Some(address) => Some(Viewer::connect(address, name, job.width, job.height)?),
+        None => None,
+    };
     let saved = match arguments.resume {
         true => Saved::open(&output.state)?,
         false => {
@@ -112,8 +117,14 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
                 pass.spp, job.spp, pass.seconds
             )
         });
-        if let Some(reference) = &reference {
-            passes.push(pass_error(&render.picture(), reference, pass)?);
+        if reference.is_some() || viewer.is_some() {
+            let image = render.picture().image();
+            if let Some(reference) = &reference {
+                passes.push(pass_error(&image, reference, pass)?);
+            }
+            if let Some(viewer) = &mut viewer {
+                viewer.show(&image, progress);
+            }
         }
         if render.spp() < job.spp && checkpoint.is_due() {
             let written = state::write(&output.state, &subject, &passes, &render);
@@ -141,9 +152,9 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     }
     let started = Instant::now();
     let picture = render.picture();
-    let attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
+    let metadata = report::metadata(job, &prepared.loaded.scene, render.spp());
     let written = picture
-        .write_exr(&output.exr, &attributes)
+        .write_exr(&output.exr, &metadata)
         .and_then(|()| picture.write_png(&output.png, Exposure::Auto));
     if let Err(error) = written {
         // Hours may be in it: perhaps there is room for the state, which is smaller.
@@ -237,8 +248,8 @@ fn refuse_reference(job: &Job, reference: &Image, arguments: &RenderArgs) -> Res
     }
 }
 
-fn pass_error(picture: &Picture, reference: &Image, pass: Pass) -> Result<PassError, CliError> {
-    let error = film::compare_without_flip(&picture.image(), reference)?;
+fn pass_error(image: &Image, reference: &Image, pass: Pass) -> Result<PassError, CliError> {
+    let error = film::compare_without_flip(image, reference)?;
     Ok(PassError {
         spp: pass.spp,
         seconds: pass.seconds,
