@@ -152,7 +152,9 @@ mod tests {
         let mut reference = Picture::new(16, 8);
         reference.radiance = flat(1.0).pixels;
         let path = store.reference("ref", "exr");
-        reference.write_exr(&path, &Metadata::default()).expect("writes");
+        reference
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         // Out of order, as frames may come.
         for (frame, value) in [(1, 1.5), (0, 1.0), (2, 1.5)] {
             let mut one = cell("room", "one", 1, 1.0);
@@ -162,7 +164,9 @@ mod tests {
             };
             figures.key = format!("frame-{frame}");
             let path = store.cell(&figures.key, "exr");
-            flat(value).write_exr(&path, &Metadata::default()).expect("writes");
+            flat(value)
+                .write_exr(&path, &Metadata::default())
+                .expect("writes");
             results.cells.push(one);
         }
         let found = write_animations(&store, &results).expect("writes");

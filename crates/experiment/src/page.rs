@@ -317,7 +317,9 @@ mod tests {
             .expect("writes");
         for key in ["room-one-1", "room-two-1"] {
             let path = store.cell(key, "exr");
-            image(1.1).write_exr(&path, &Metadata::default()).expect("writes");
+            image(1.1)
+                .write_exr(&path, &Metadata::default())
+                .expect("writes");
         }
         write_page(&store, &results, &[]).expect("writes");
         let text = std::fs::read_to_string(folder.path().join("index.html"));

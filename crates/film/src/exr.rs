@@ -75,13 +75,7 @@ impl Image {
             name,
             samples: FlatSamples::F32(self.pixels.iter().map(|rgb| rgb[c]).collect()),
         });
-        write_part(
-            path,
-            self.width,
-            self.height,
-            channels.collect(),
-            metadata,
-        )
+        write_part(path, self.width, self.height, channels.collect(), metadata)
     }
 }
 

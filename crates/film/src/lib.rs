@@ -10,6 +10,8 @@
 
 mod atomic;
 mod bias;
+#[cfg(feature = "denoise")]
+mod denoise;
 mod error;
 mod exr;
 mod film;
@@ -23,6 +25,8 @@ mod png;
 pub use crate::exr::{Image, read_image};
 pub use atomic::write_atomically;
 pub use bias::{Bias, Interval, relative_variance};
+#[cfg(feature = "denoise")]
+pub use denoise::{DenoiseError, Denoiser};
 pub use error::FilmError;
 pub use film::PixelStats;
 pub use flicker::{FLICKER_BLOCK, Flicker};

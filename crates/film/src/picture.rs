@@ -508,7 +508,9 @@ mod tests {
     fn a_forged_size_is_refused_before_memory_is_taken() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("forged.exr");
-        Picture::new(16, 16).write_exr(&path, &Metadata::default()).expect("writes");
+        Picture::new(16, 16)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let whole = fs::read(&path).expect("reads");
         let window = whole
             .windows(11)
@@ -538,7 +540,9 @@ mod tests {
     fn dwa_compression_is_refused_by_name() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("dwa.exr");
-        Picture::new(16, 16).write_exr(&path, &Metadata::default()).expect("writes");
+        Picture::new(16, 16)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let mut bytes = fs::read(&path).expect("reads");
         let name = b"compression\0compression\0\x01\0\0\0";
         let at = bytes
@@ -558,7 +562,9 @@ mod tests {
     fn flipped_bytes_never_panic() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("flipped.exr");
-        awkward(9, 20).write_exr(&path, &Metadata::default()).expect("writes");
+        awkward(9, 20)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let whole = fs::read(&path).expect("reads");
         arbtest::arbtest(|u| {
             let mut bytes = whole.clone();

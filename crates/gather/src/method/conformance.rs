@@ -250,7 +250,11 @@ impl Visitor for Estimates<'_> {
             queue.end_point();
         }
         let (counters, sums) = queue.finish();
-        (method.is_unbiased(), sums.iter().map(|sum| sum.radiance).collect(), counters)
+        (
+            method.is_unbiased(),
+            sums.iter().map(|sum| sum.radiance).collect(),
+            counters,
+        )
     }
 }
 

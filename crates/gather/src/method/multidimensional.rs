@@ -2,7 +2,7 @@
 //!
 //! Source: Walter, Arbree, Bala, Greenberg, "Multidimensional Lightcuts", 2006.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 use light_tree::{LightOrder, LightSet, LightTree, NodeId, Representatives};
 use sampling::Rng;
 use serde::Deserialize;
@@ -338,6 +338,7 @@ mod tests {
     use crate::method::fixtures::{all_lights, at, many_lights, many_points};
     use crate::method::refinement::mean;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
+    use glam::DVec3;
     use light_tree::TreeBuilder;
     use sampling::Purpose;
 

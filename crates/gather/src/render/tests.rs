@@ -336,7 +336,10 @@ fn every_method_tells_direct_light_from_indirect() {
         assert!((0.01..0.5).contains(&share), "{method:?}: indirect {share}");
 
         let sources = picture(&alone, method, 2);
-        assert_eq!(sources.direct, sources.radiance, "{method:?}: all is direct");
+        assert_eq!(
+            sources.direct, sources.radiance,
+            "{method:?}: all is direct"
+        );
         assert!(
             sources.indirect.iter().all(|c| *c == Vec3::ZERO),
             "{method:?}: nothing is indirect"
