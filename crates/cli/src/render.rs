@@ -10,6 +10,7 @@ use crate::args::RenderArgs;
 use crate::error::CliError;
 use crate::interrupt;
 use crate::job::Job;
+use crate::merge;
 use crate::output::Output;
 use crate::prepared::{LoadedScene, Prepared, PreparedLights};
 use crate::progress::Progress;
@@ -141,7 +142,10 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     }
     let started = Instant::now();
     let picture = render.picture();
-    let attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
+    let mut attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
+    if let Some(shard) = arguments.shard {
+        attributes.push((merge::SHARD.to_owned(), shard.to_string()));
+    }
     let written = picture
         .write_exr(&output.exr, &attributes)
         .and_then(|()| picture.write_png(&output.png, Exposure::Auto));
