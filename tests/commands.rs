@@ -662,3 +662,57 @@ fn errors_are_coloured_only_where_that_is_wanted() {
         }
     }
 }
+
+#[test]
+fn a_picture_carries_the_run_file_that_gives_it_again() {
+    let flags = "--size 40x20 --spp 2 --seed 9 --method uniform --set lights.count=300";
+    let folder = room(flags);
+    let (picture, metadata) =
+        Picture::read_exr(&folder.path("out/room.exr")).unwrap_or_else(|e| panic!("{e}"));
+    let config = metadata.texts.iter().find(|(name, _)| name == "config");
+    let (_, config) = config.expect("a run file");
+    folder.write("again.ron", config);
+    folder.run("render again.ron").fine();
+    assert!(
+        folder.read("out/again.exr") == folder.read("out/room.exr"),
+        "another picture by {config}"
+    );
+
+    // The middle of the picture is what the camera looks at, (0, 0.9, 0).
+    let camera = metadata.camera.expect("matrices");
+    let ndc = camera.world_to_ndc;
+    let seen: Vec<f32> = (0..4).map(|c| 0.9 * ndc[4 + c] + ndc[12 + c]).collect();
+    for (c, half) in [(0, "left"), (1, "upper")] {
+        let place = seen[c] / seen[3];
+        assert!((place - 0.5).abs() < 1e-5, "{half} half: {place}");
+    }
+    assert!(
+        picture.indirect.iter().any(|c| c.max_element() > 0.0),
+        "indirect light"
+    );
+    assert!(
+        picture.direct.iter().any(|c| c.max_element() > 0.0),
+        "direct light"
+    );
+}
+
+#[test]
+fn denoising_works_or_says_what_is_missing() {
+    let folder = Folder::with_room();
+    let ran = folder.run("render room.ron --denoise");
+    if ran.code == 0 {
+        let image = film::read_image(&folder.path("out/room.denoised.exr"));
+        let image = image.unwrap_or_else(|e| panic!("{e}"));
+        assert!(image.pixels.iter().all(|c| c.is_finite()), "finite");
+        assert!(folder.exists("out/room.denoised.png"), "PNG");
+        return;
+    }
+    let missing = match cfg!(feature = "denoise") {
+        true => "expected version 2 of its library",
+        false => "--features denoise",
+    };
+    ran.exits(2).says(&["--denoise", missing]);
+    assert!(!folder.exists("out/room.exr"), "nothing is rendered");
+    let both = folder.run("render room.ron --denoise --shard 1/2");
+    both.exits(2).says(&["--denoise", "--shard"]);
+}

@@ -327,7 +327,7 @@ fn write_files(room: &Room, lights: &Lights, folder: &Path) -> std::io::Result<(
             height: 4,
             pixels: (0..32).map(|i| texel(i) * (0.3 * bright)).collect(),
         };
-        sky.write_exr(&folder.join("sky.exr"), &[])
+        sky.write_exr(&folder.join("sky.exr"), &film::Metadata::default())
             .map_err(std::io::Error::other)?;
     }
     let vector = |p: Vec3| format!("({:e}, {:e}, {:e})", p.x, p.y, p.z);

@@ -29,6 +29,9 @@ pub(crate) enum Command {
     /// Render a picture: writes NAME.exr, NAME.png and NAME.json
     #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
+    /// Show the picture refining on a page on this machine, from any camera and by any method
+    #[command(after_help = examples::VIEW)]
+    View(ViewArgs),
     /// Read everything a render would read and say what it needs, without rendering
     #[command(after_help = examples::CHECK)]
     Check(CheckArgs),
@@ -113,6 +116,31 @@ pub(crate) struct RenderArgs {
     /// Picture to measure the error against, after every pass
     #[arg(long, value_name = "R.exr", help_heading = RESULTS)]
     pub(crate) reference: Option<PathBuf>,
+    /// Write NAME.denoised.exr and .png as well, by Intel Open Image Denoise: for a program built with `--features
+    /// denoise`, where that library is
+    #[arg(long, conflicts_with = "shard", help_heading = RESULTS)]
+    pub(crate) denoise: bool,
+    /// Show the picture in the tev viewer that listens there, after every pass
+    #[arg(long, value_name = "HOST:PORT", help_heading = RESULTS)]
+    pub(crate) tev: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    #[command(flatten)]
+    pub(crate) job: JobArgs,
+    /// Port of this machine that the page is at; 0 for any that is free
+    #[arg(long, value_name = "N", default_value_t = 8420)]
+    pub(crate) port: u16,
+    /// Threads; all processors when not given
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
+    pub(crate) threads: Option<u16>,
+    /// Picture to measure the error against, from the scene's own camera
+    #[arg(long, value_name = "R.exr")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Say nothing but where the page is, and errors
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -37,6 +37,12 @@ Examples:
   manylight check run.ron
   manylight check run.ron --size 8192x8192                    would it fit into memory?";
 
+    pub(crate) const VIEW: &str = "\
+Examples:
+  manylight view run.ron                                      then open the address that it prints
+  manylight view run.ron --reference truth.exr                with the error against a picture
+  manylight view scene.glb --size 640x360";
+
     pub(crate) const EXPERIMENT: &str = "\
 Examples:
   manylight experiment tests.ron --quick                      a minute: does it work?

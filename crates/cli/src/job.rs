@@ -321,6 +321,8 @@ pub(crate) struct Job {
     pub(crate) tree: TreeSpec,
     pub(crate) method: MethodSpec,
     pub(crate) seed: u64,
+    /// A run file that says all this by itself, for the picture to carry; empty where there is none.
+    pub(crate) config: String,
     /// The run file's stem.
     pub(crate) name: String,
     /// What it may take.
@@ -341,19 +343,13 @@ impl Job {
         }
         overrides.extend(arguments.overrides.iter().cloned());
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
-        let spec: JobSpec = match scene::load::gltf_name(&arguments.config) {
+        let text = match scene::load::gltf_name(&arguments.config) {
             // What such a file is usually made for: all light, direct and reflected.
-            Some(name) => {
-                let text = format!("(scene: {name:?}, lights: Virtual)");
-                ron_file::parse(
-                    &arguments.config.to_string_lossy(),
-                    &text,
-                    &overrides,
-                    &bare,
-                )?
-            }
-            None => ron_file::read(&arguments.config, &overrides, &bare)?,
+            Some(name) => format!("(scene: {name:?}, lights: Virtual)"),
+            None => ron_file::read_text(&arguments.config)?,
         };
+        let file = arguments.config.to_string_lossy();
+        let spec: JobSpec = ron_file::parse(&file, &text, &overrides, &bare)?;
         if let Some(message) = spec.integrator.conflict(&spec.lights) {
             return Err(field_error(arguments, "integrator", message));
         }
@@ -370,6 +366,18 @@ impl Job {
             .map(|s| s.to_string_lossy().into_owned());
         let scene = find_scene(&spec.scene, folder)
             .map_err(|message| field_error(arguments, "scene", &message))?;
+        let seed = arguments.seed.unwrap_or(spec.seed);
+        let numbers = [
+            arguments.size.map(|size| ("image.width", size[0].into())),
+            arguments.size.map(|size| ("image.height", size[1].into())),
+            arguments.spp.map(|spp| ("image.spp", spp.into())),
+            arguments.seed.map(|seed| ("seed", seed)),
+        ];
+        overrides.extend(numbers.into_iter().flatten().map(|(path, value)| Override {
+            path: path.into(),
+            value: value.to_string(),
+        }));
+        let config = ron_file::overridden(&text, &overrides, &bare)?;
         Ok(Self {
             file: arguments.config.clone(),
             scene,
@@ -380,7 +388,8 @@ impl Job {
             integrator: spec.integrator.under(&spec.lights),
             tree: spec.tree,
             method: spec.method,
-            seed: arguments.seed.unwrap_or(spec.seed),
+            seed,
+            config,
             name: stem.unwrap_or_else(|| "render".into()),
             limit: MemoryLimit {
                 most: arguments.max_memory,
@@ -398,10 +407,10 @@ impl Job {
 
     /// Estimated bytes for film and lights; the scene itself is loaded by then.
     pub(crate) fn memory(&self) -> u64 {
-        // Per pixel: running statistics and features of the film (130), the finished picture (60), copies of
-        // it while it is written (60). Per virtual light: traced twice over while chunks are joined (150), the
+        // Per pixel: running statistics and features of the film (155), the finished picture (80), copies of
+        // it while it is written (80). Per virtual light: traced twice over while chunks are joined (150), the
         // set (50), the tree (105), its eight-way form (140), the build's copy (32).
-        const PIXEL: u64 = 250;
+        const PIXEL: u64 = 315;
         const LIGHT: u64 = 480;
         let lights = match self.lights {
             LightsSpec::AsGiven => 0,

@@ -4,6 +4,7 @@ mod answer;
 mod args;
 mod check;
 mod compare;
+mod denoise;
 mod error;
 mod experiment;
 mod fingerprint;
@@ -21,6 +22,8 @@ mod progress;
 mod render;
 mod report;
 mod state;
+mod tev;
+mod view;
 mod write_scene;
 
 use std::process::ExitCode;
@@ -34,6 +37,7 @@ use error::CliError;
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Render(arguments) => render::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

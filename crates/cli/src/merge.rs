@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use film::{Exposure, FilmError, Picture};
+use film::{Exposure, FilmError, Metadata, Picture};
 use gather::Shard;
 
 use crate::args::{MergeArgs, parse_shard};
@@ -16,13 +16,13 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     check_file(&arguments.out)?;
     let mut parts = Vec::new();
     let mut shards = Vec::new();
-    let mut attributes: Option<Vec<(String, String)>> = None;
+    let mut metadata: Option<Metadata> = None;
     for path in &arguments.shards {
         let (picture, mut found) = Picture::read_exr(path)?;
         shards.extend(taken_out(&mut found));
-        match &attributes {
-            Some(first) if without_path(first) != without_path(&found) => {
-                let pairs = without_path(first).into_iter().zip(without_path(&found));
+        match &metadata {
+            Some(first) if content(first) != content(&found) => {
+                let pairs = content(first).into_iter().zip(content(&found));
                 let differs = pairs.into_iter().find(|(a, b)| a != b);
                 let what = differs.map_or(String::new(), |(a, b)| {
                     format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
@@ -33,7 +33,7 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
                 )));
             }
             Some(_) => {}
-            None => attributes = Some(found),
+            None => metadata = Some(found),
         }
         parts.push((path.display().to_string(), picture));
     }
@@ -41,15 +41,16 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
         FilmError::MergeMissing { .. } => missing(error, &shards),
         error => error.into(),
     })?;
-    whole.write_exr(&arguments.out, &attributes.unwrap_or_default())?;
+    whole.write_exr(&arguments.out, &metadata.unwrap_or_default())?;
     whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
     Ok(())
 }
 
-/// Which shard the attributes tell of, without which they are those of the whole picture.
-fn taken_out(attributes: &mut Vec<(String, String)>) -> Option<Shard> {
-    let at = attributes.iter().position(|(name, _)| name == SHARD)?;
-    parse_shard(&attributes.remove(at).1).ok()
+/// Which shard the metadata tell of, without which they are those of the whole picture.
+fn taken_out(metadata: &mut Metadata) -> Option<Shard> {
+    let texts = &mut metadata.texts;
+    let at = texts.iter().position(|(name, _)| name == SHARD)?;
+    parse_shard(&texts.remove(at).1).ok()
 }
 
 /// An error that names the shards that are missing, if those that are there tell.
@@ -75,8 +76,10 @@ fn missing(error: FilmError, shards: &[Shard]) -> CliError {
     }
 }
 
-/// All but where the scene was: shards may come from several machines, and `scene_content` tells scenes apart.
-fn without_path(attributes: &[(String, String)]) -> Vec<&(String, String)> {
-    let path = |name: &str| name == "scene";
-    attributes.iter().filter(|(name, _)| !path(name)).collect()
+/// All but where the scene was and how the run file was written: shards may come from several machines, `scene_content`
+/// tells scenes apart, and what a run file means is there in other texts.
+fn content(metadata: &Metadata) -> Vec<&(String, String)> {
+    let is_form = |name: &str| name == "scene" || name == "config";
+    let texts = metadata.texts.iter();
+    texts.filter(|(name, _)| !is_form(name)).collect()
 }

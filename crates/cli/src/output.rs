@@ -11,6 +11,8 @@ pub(crate) struct Output {
     pub(crate) exr: PathBuf,
     pub(crate) png: PathBuf,
     pub(crate) json: PathBuf,
+    pub(crate) denoised_exr: PathBuf,
+    pub(crate) denoised_png: PathBuf,
     /// To go on from; not a result.
     pub(crate) state: PathBuf,
 }
@@ -30,6 +32,8 @@ impl Output {
             exr: file("exr")?,
             png: file("png")?,
             json: file("json")?,
+            denoised_exr: file("denoised.exr")?,
+            denoised_png: file("denoised.png")?,
             state: file("state")?,
         })
     }

@@ -14,6 +14,17 @@ use crate::job::{Job, LightsSpec, VirtualKind, VirtualSpec};
 use crate::limits::MemoryLimit;
 use crate::progress::Progress;
 
+/// Threads to render with; all processors for `None`.
+///
+/// # Errors
+/// When the system does not give them.
+pub(crate) fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(count.map_or(0, usize::from))
+        .build()
+        .map_err(|e| CliError::Input(format!("--threads: cannot start threads: {e}")))
+}
+
 /// A scene and its ray hierarchy: the same for all lights, methods and cameras.
 pub(crate) struct LoadedScene {
     pub(crate) scene: Scene,

@@ -1,28 +1,28 @@
 //! `manylight render`.
 
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use film::{Exposure, Image, Picture};
+use film::{Exposure, Image};
 use gather::{Pass, Render, Shard};
 
 use crate::args::RenderArgs;
+use crate::denoise::denoiser;
 use crate::error::CliError;
 use crate::interrupt;
 use crate::job::Job;
 use crate::merge;
 use crate::output::Output;
-use crate::prepared::{LoadedScene, Prepared, PreparedLights};
+use crate::prepared::{self, LoadedScene, Prepared, PreparedLights};
 use crate::progress::Progress;
 use crate::report::{self, Measured, PassError, SetUpSeconds};
 use crate::state::{self, Resumed, Saved, Subject};
+use crate::tev::Viewer;
 
 pub(crate) fn run(arguments: &RenderArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|e| CliError::Input(format!("--threads: cannot start threads: {e}")))?;
+    let pool = prepared::threads(arguments.threads)?;
     let mut progress = Progress::new(arguments.quiet);
     pool.install(|| render(arguments, &job, &mut progress))
 }
@@ -31,14 +31,15 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     job.refuse_too_large()?;
     let name = arguments.name.as_deref().unwrap_or(&job.name);
     let output = Output::new(&arguments.out, name)?;
-    let reference = arguments
-        .reference
-        .as_deref()
-        .map(film::read_image)
-        .transpose()?;
-    if let Some(reference) = &reference {
-        refuse_reference(job, reference, arguments)?;
-    }
+    let reference = read_reference(job, arguments.reference.as_deref())?;
+    let denoiser = match arguments.denoise {
+        true => Some(denoiser()?),
+        false => None,
+    };
+    let mut viewer = match &arguments.tev {
+        Some(address) => Some(Viewer::connect(address, name, job.width, job.height)?),
+        None => None,
+    };
     let saved = match arguments.resume {
         true => Saved::open(&output.state)?,
         false => {
@@ -113,8 +114,14 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
                 pass.spp, job.spp, pass.seconds
             )
         });
-        if let Some(reference) = &reference {
-            passes.push(pass_error(&render.picture(), reference, pass)?);
+        if reference.is_some() || viewer.is_some() {
+            let image = render.picture().image();
+            if let Some(reference) = &reference {
+                passes.push(pass_error(&image, reference, pass)?);
+            }
+            if let Some(viewer) = &mut viewer {
+                viewer.show(&image, progress);
+            }
         }
         if render.spp() < job.spp && checkpoint.is_due() {
             let written = state::write(&output.state, &subject, &passes, &render);
@@ -142,12 +149,13 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     }
     let started = Instant::now();
     let picture = render.picture();
-    let mut attributes = report::attributes(job, &prepared.loaded.scene, render.spp());
+    let mut metadata = report::metadata(job, &prepared.loaded.scene, render.spp());
     if let Some(shard) = arguments.shard {
-        attributes.push((merge::SHARD.to_owned(), shard.to_string()));
+        let shard = (merge::SHARD.to_owned(), shard.to_string());
+        metadata.texts.push(shard);
     }
     let written = picture
-        .write_exr(&output.exr, &attributes)
+        .write_exr(&output.exr, &metadata)
         .and_then(|()| picture.write_png(&output.png, Exposure::Auto));
     if let Err(error) = written {
         // Hours may be in it: perhaps there is room for the state, which is smaller.
@@ -161,6 +169,21 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
         return Err(CliError::Input(format!("{error}{advice}")));
     }
     seconds.write = started.elapsed().as_secs_f64();
+    if let Some(denoiser) = denoiser {
+        let started = Instant::now();
+        let denoised = denoiser
+            .denoise(&picture)
+            .map_err(|error| CliError::Input(format!("--denoise: {error}")))?;
+        progress.line(&format!(
+            "denoised, {:.2} s",
+            started.elapsed().as_secs_f64()
+        ));
+        denoised.write_exr(&output.denoised_exr, &metadata)?;
+        // As bright as the other one, to be compared.
+        let exposure = film::auto_exposure(&picture.radiance);
+        let pixels = film::tone_map(&denoised.pixels, exposure);
+        film::write_rgb8(&output.denoised_png, job.width, job.height, &pixels)?;
+    }
 
     let final_error = reference
         .map(|r| film::compare(&picture.image(), &r))
@@ -217,13 +240,16 @@ impl Checkpoint {
     }
 }
 
-/// Refuses a reference that no picture of the job can be compared with.
-fn refuse_reference(job: &Job, reference: &Image, arguments: &RenderArgs) -> Result<(), CliError> {
-    let path = arguments
-        .reference
-        .as_deref()
-        .unwrap_or(std::path::Path::new(""))
-        .display();
+/// Reads the reference, if there is to be one.
+///
+/// # Errors
+/// When it cannot be read, or no picture of the job can be compared with it.
+pub(crate) fn read_reference(job: &Job, path: Option<&Path>) -> Result<Option<Image>, CliError> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let reference = film::read_image(path)?;
+    let path = path.display();
     if (reference.width, reference.height) != (job.width, job.height) {
         return Err(CliError::Input(format!(
             "{path}: the reference is {}x{}; expected the render's {}x{}",
@@ -237,12 +263,12 @@ fn refuse_reference(job: &Job, reference: &Image, arguments: &RenderArgs) -> Res
             at % reference.width as usize,
             at / reference.width as usize
         ))),
-        None => Ok(()),
+        None => Ok(Some(reference)),
     }
 }
 
-fn pass_error(picture: &Picture, reference: &Image, pass: Pass) -> Result<PassError, CliError> {
-    let error = film::compare_without_flip(&picture.image(), reference)?;
+fn pass_error(image: &Image, reference: &Image, pass: Pass) -> Result<PassError, CliError> {
+    let error = film::compare_without_flip(image, reference)?;
     Ok(PassError {
         spp: pass.spp,
         seconds: pass.seconds,

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use film::Metrics;
+use film::{CameraMatrices, Metadata, Metrics};
 use gather::{BOUNCES, Integrator, Plan, Render};
 use light_tree::LightKind;
-use scene::Scene;
+use scene::{Camera, Scene};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::CliError;
@@ -221,6 +221,25 @@ pub(crate) fn write(
 }
 
 /// What the EXR of `spp` samples a pixel says about itself: enough to make it again.
+pub(crate) fn metadata(job: &Job, scene: &Scene, spp: u32) -> Metadata {
+    let mut texts = attributes(job, scene, spp);
+    if !job.config.is_empty() {
+        texts.push(("config".to_owned(), job.config.clone()));
+    }
+    // In the coordinates of the scene's files.
+    let spec = scene.camera.moved_by(scene.origin);
+    let camera = Camera::new(&spec, job.width, job.height);
+    Metadata {
+        texts,
+        // Its points are rows where ours are columns, and it stores rows where ours stores columns.
+        camera: Some(CameraMatrices {
+            world_to_camera: camera.world_to_camera().to_cols_array(),
+            world_to_ndc: camera.world_to_ndc().to_cols_array(),
+        }),
+    }
+}
+
+/// What decides a picture of `spp` samples a pixel, by name and value, and where its scene was.
 pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, String)> {
     // Without `..`, so that whoever adds a field decides whether it decides the picture.
     let Job {
@@ -234,6 +253,7 @@ pub(crate) fn attributes(job: &Job, scene: &Scene, spp: u32) -> Vec<(String, Str
         tree,
         method,
         seed,
+        config: _,
         name: _,
         limit: _,
     } = job;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use film::{FLICKER_BLOCK, Flicker, Image, Picture};
+use film::{FLICKER_BLOCK, Flicker, Image};
 use serde::Serialize;
 
 use crate::ExperimentError;
@@ -53,9 +53,9 @@ pub fn write_animations(
             continue;
         }
         let read = |(figures, _): &(&Figures, &Cell)| -> Result<(Image, Image), ExperimentError> {
-            let reference = Picture::read_exr(&store.reference(&figures.reference, "exr"))?;
+            let reference = film::read_image(&store.reference(&figures.reference, "exr"))?;
             let image = film::read_image(&store.cell(&figures.key, "exr"))?;
-            Ok((image, reference.0.image()))
+            Ok((image, reference))
         };
         let (images, references): (Vec<Image>, Vec<Image>) = frames
             .iter()
@@ -132,6 +132,7 @@ mod tests {
     use super::*;
     use crate::Outcome;
     use crate::test_results::{cell, results};
+    use film::{Metadata, Picture};
     use glam::Vec3;
 
     fn flat(value: f32) -> Image {
@@ -151,7 +152,9 @@ mod tests {
         let mut reference = Picture::new(16, 8);
         reference.radiance = flat(1.0).pixels;
         let path = store.reference("ref", "exr");
-        reference.write_exr(&path, &[]).expect("writes");
+        reference
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         // Out of order, as frames may come.
         for (frame, value) in [(1, 1.5), (0, 1.0), (2, 1.5)] {
             let mut one = cell("room", "one", 1, 1.0);
@@ -161,7 +164,9 @@ mod tests {
             };
             figures.key = format!("frame-{frame}");
             let path = store.cell(&figures.key, "exr");
-            flat(value).write_exr(&path, &[]).expect("writes");
+            flat(value)
+                .write_exr(&path, &Metadata::default())
+                .expect("writes");
             results.cells.push(one);
         }
         let found = write_animations(&store, &results).expect("writes");

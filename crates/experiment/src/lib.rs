@@ -5,6 +5,7 @@
 //! against, and is written as tables, plots and a page. Nothing here renders, and nothing here knows a method.
 
 mod animation;
+mod browser;
 mod cell;
 mod error;
 mod page;
@@ -19,6 +20,7 @@ mod table;
 mod test_results;
 
 pub use animation::{Flickering, write_animations};
+pub use browser::{COLOURS, HalfFloats, STYLE, filled};
 pub use cell::{Cell, Coordinates, Error, Figures, Outcome, Pass, Phases, Seconds};
 pub use error::ExperimentError;
 pub use page::write_page;

@@ -7,11 +7,11 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use film::{Image, PIXELS_PER_DEGREE, Picture};
-use half::f16;
+use film::{Image, PIXELS_PER_DEGREE};
 use serde::Serialize;
 
 use crate::animation::Flickering;
+use crate::browser::{COLOURS, HalfFloats, STYLE, filled};
 use crate::cell::{Cell, Figures};
 use crate::plot::Plot;
 use crate::reference::Reference;
@@ -21,9 +21,9 @@ use crate::store::{Store, write_with};
 use crate::{ExperimentError, Outcome};
 
 const TEMPLATE: &str = include_str!("page/index.html");
-const STYLE: &str = include_str!("page/page.css");
 /// One script: they share their names.
-const SCRIPTS: [&str; 3] = [
+const SCRIPTS: [&str; 4] = [
+    COLOURS,
     include_str!("page/pictures.js"),
     include_str!("page/comparer.js"),
     include_str!("page/tables.js"),
@@ -157,7 +157,7 @@ pub fn write_page(store: &Store, results: &Results, plots: &[Plot]) -> Result<()
     let data = serde_json::to_string(&data)
         .map_err(|error| ExperimentError::Page(error.to_string()))?
         .replace('<', "\\u003c");
-    let page = filled(|name| match name {
+    let page = filled(TEMPLATE, |name| match name {
         "title" => escaped(&results.title),
         "style" => STYLE.to_owned(),
         "scripts" => SCRIPTS.join("\n"),
@@ -166,18 +166,6 @@ pub fn write_page(store: &Store, results: &Results, plots: &[Plot]) -> Result<()
     });
     let path = store.folder().join("index.html");
     write_with(&path, |file| file.write_all(page.as_bytes()))
-}
-
-/// The template with its gaps `{{name}}` filled, in one go: what fills them may hold anything.
-fn filled(value: impl Fn(&str) -> String) -> String {
-    let mut parts = TEMPLATE.split("{{");
-    let mut page = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        let (name, rest) = part.split_once("}}").unwrap_or((part, ""));
-        page.push_str(&value(name));
-        page.push_str(rest);
-    }
-    page
 }
 
 /// Text as HTML.
@@ -203,7 +191,7 @@ fn places<'a>(
         if !picture.is_file() || !reference.is_file() {
             continue;
         }
-        let reference = Picture::read_exr(&reference)?.0.image();
+        let reference = film::read_image(&reference)?;
         write_picture(store, &figures.reference, &reference, None)?;
         write_cell(store, &figures.key, &picture, &reference)?;
         let c = &cell.coordinates;
@@ -282,11 +270,7 @@ fn write_picture(
     if path.is_file() {
         return Ok(());
     }
-    let scale = half_scale(image);
-    let values = image.pixels.iter().flat_map(|rgb| rgb.to_array());
-    let halves: Vec<u8> = values
-        .flat_map(|value| f16::from_f32(value / scale).to_le_bytes())
-        .collect();
+    let HalfFloats { scale, bytes } = HalfFloats::of(image);
     let flip = flip.map(|map| {
         let bytes: Vec<u8> = map.iter().map(|v| (255.0 * v + 0.5) as u8).collect();
         BASE64_STANDARD.encode(bytes)
@@ -297,31 +281,17 @@ fn write_picture(
             "addPicture(\"{key}\", {}, {}, {scale:e}, \"{}\", \"{}\");",
             image.width,
             image.height,
-            BASE64_STANDARD.encode(halves),
+            BASE64_STANDARD.encode(bytes),
             flip.unwrap_or_default()
         )
     })
-}
-
-/// A power of two by which radiance is divided, so that the brightest pixel is far inside the half floats' range
-/// and dark ones keep their digits. 1 for a black picture.
-fn half_scale(image: &Image) -> f32 {
-    let brightest = image.pixels.iter().map(|rgb| rgb.abs().max_element());
-    let brightest = brightest.fold(0.0, f32::max);
-    match brightest > 0.0 {
-        true => (brightest / 16_384.0)
-            .log2()
-            .ceil()
-            .clamp(-100.0, 100.0)
-            .exp2(),
-        false => 1.0,
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::test_results::results;
+    use film::{Metadata, Picture};
     use glam::Vec3;
 
     fn image(brightest: f32) -> Image {
@@ -343,11 +313,13 @@ mod tests {
         let mut picture = Picture::new(32, 18);
         picture.radiance.clone_from(&reference.pixels);
         picture
-            .write_exr(&store.reference("ref", "exr"), &[])
+            .write_exr(&store.reference("ref", "exr"), &Metadata::default())
             .expect("writes");
         for key in ["room-one-1", "room-two-1"] {
             let path = store.cell(key, "exr");
-            image(1.1).write_exr(&path, &[]).expect("writes");
+            image(1.1)
+                .write_exr(&path, &Metadata::default())
+                .expect("writes");
         }
         write_page(&store, &results, &[]).expect("writes");
         let text = std::fs::read_to_string(folder.path().join("index.html"));
@@ -383,23 +355,5 @@ mod tests {
         assert_eq!(page.matches("</script>").count(), 1, "the script's own end");
         assert_eq!(page.matches("\nbegin();").count(), 1, "the script once");
         assert!(page.contains("<title>&lt;/script>"), "the title");
-    }
-
-    #[test]
-    fn half_floats_keep_three_digits_of_any_brightness() {
-        for brightest in [1e-20_f32, 1e-3, 1.0, 1e6, 1e30] {
-            let image = image(brightest);
-            let scale = half_scale(&image);
-            for rgb in &image.pixels {
-                let kept = f16::from_f32(rgb.x / scale).to_f32() * scale;
-                let error = (kept / rgb.x - 1.0).abs();
-                assert!(error < 1e-3, "{} became {kept} at scale {scale}", rgb.x);
-            }
-        }
-        let black = Image {
-            pixels: vec![Vec3::ZERO; 576],
-            ..image(1.0)
-        };
-        assert_eq!(half_scale(&black), 1.0, "black");
     }
 }

@@ -6,7 +6,7 @@ use ::exr::{
     image::{Blocks, Encoding, FlatSamples, read::specific_channels::ReadSpecificChannel},
     meta::{
         BlockDescription, MetaData,
-        attribute::{AttributeValue, LineOrder, Text},
+        attribute::{AttributeValue, Chromaticities, LineOrder, Text},
         header::Header,
     },
     prelude::{
@@ -16,10 +16,22 @@ use ::exr::{
 };
 use glam::{DVec3, Vec3};
 
-use crate::{FilmError, write_atomically};
+use crate::{
+    FilmError,
+    metadata::{CameraMatrices, Metadata},
+    write_atomically,
+};
 
 /// Our attributes carry this before their names, so that none can take the place of one that EXR defines.
 const PREFIX: &str = "manylight.";
+
+/// The primaries of linear RGB here: those of sRGB.
+const REC_709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.3, 0.6),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.329),
+};
 
 /// Reading a file may take this many bytes whatever the file's size …
 const ALWAYS_ALLOWED_BYTES: u64 = 256 << 20;
@@ -44,14 +56,13 @@ impl Image {
         self.pixels.iter().map(|rgb| rgb.as_dvec3()).collect()
     }
 
-    /// Writes the colours as one EXR (`R`, `G`, `B`, 32-bit floats, ZIP), atomically; `attributes` as those of
-    /// [`Picture::write_exr`](crate::Picture::write_exr).
+    /// Writes the colours as one EXR (`R`, `G`, `B`, 32-bit floats, ZIP), atomically.
     ///
     /// # Errors
     ///
     /// Names the file when it cannot be written, the picture has no pixel, or an attribute has no usable
     /// name or occurs twice.
-    pub fn write_exr(&self, path: &Path, attributes: &[(String, String)]) -> Result<(), FilmError> {
+    pub fn write_exr(&self, path: &Path, metadata: &Metadata) -> Result<(), FilmError> {
         if self.pixels.is_empty() {
             return Err(FilmError::Empty {
                 name: path.display().to_string(),
@@ -64,13 +75,7 @@ impl Image {
             name,
             samples: FlatSamples::F32(self.pixels.iter().map(|rgb| rgb[c]).collect()),
         });
-        write_part(
-            path,
-            self.width,
-            self.height,
-            channels.collect(),
-            attributes,
-        )
+        write_part(path, self.width, self.height, channels.collect(), metadata)
     }
 }
 
@@ -85,11 +90,11 @@ pub(crate) struct Part {
     pub(crate) width: u32,
     pub(crate) height: u32,
     channels: Vec<(String, FlatSamples)>,
-    /// Text attributes of ours, sorted by name.
-    pub(crate) attributes: Vec<(String, String)>,
+    /// Texts sorted by name.
+    pub(crate) metadata: Metadata,
 }
 
-/// Writes one part with `channels`, compressed without loss (ZIP), each attribute as a string.
+/// Writes one part with `channels`, compressed without loss (ZIP).
 ///
 /// The same input gives the same bytes.
 pub(crate) fn write_part(
@@ -97,14 +102,16 @@ pub(crate) fn write_part(
     width: u32,
     height: u32,
     channels: Vec<Channel>,
-    attributes: &[(String, String)],
+    metadata: &Metadata,
 ) -> Result<(), FilmError> {
     let size = Vec2(width as usize, height as usize);
     let mut layer_attributes = LayerAttributes {
         software_name: Some(Text::from("manylight")),
+        world_to_camera: metadata.camera.map(|m| m.world_to_camera),
+        world_to_normalized_device: metadata.camera.map(|m| m.world_to_ndc),
         ..Default::default()
     };
-    for (name, value) in attributes {
+    for (name, value) in &metadata.texts {
         let (name, value) = attribute(path, name, value)?;
         if layer_attributes.other.insert(name.clone(), value).is_some() {
             return Err(bad_attribute(
@@ -129,7 +136,10 @@ pub(crate) fn write_part(
         },
     };
     let image = ::exr::image::Image {
-        attributes: ImageAttributes::with_size(size),
+        attributes: ImageAttributes {
+            chromaticities: Some(REC_709),
+            ..ImageAttributes::with_size(size)
+        },
         layer_data: layer,
     };
     let mut bytes = io::Cursor::new(Vec::new());
@@ -296,8 +306,8 @@ pub(crate) fn read_part(path: &Path) -> Result<Part, FilmError> {
     let image = ::exr::image::read::read_first_flat_layer_from_file(path)
         .map_err(|error| exr_error(path, error))?;
     let layer = image.layer_data;
-    let mut attributes: Vec<(String, String)> = layer
-        .attributes
+    let own = &layer.attributes;
+    let mut texts: Vec<(String, String)> = own
         .other
         .iter()
         .filter_map(|(name, value)| {
@@ -310,7 +320,14 @@ pub(crate) fn read_part(path: &Path) -> Result<Part, FilmError> {
             Some((name, String::from_utf8_lossy(value.as_slice()).into_owned()))
         })
         .collect();
-    attributes.sort();
+    texts.sort();
+    let camera = match (own.world_to_camera, own.world_to_normalized_device) {
+        (Some(world_to_camera), Some(world_to_ndc)) => Some(CameraMatrices {
+            world_to_camera,
+            world_to_ndc,
+        }),
+        _ => None,
+    };
     Ok(Part {
         width: layer.size.0 as u32,
         height: layer.size.1 as u32,
@@ -320,7 +337,7 @@ pub(crate) fn read_part(path: &Path) -> Result<Part, FilmError> {
             .into_iter()
             .map(|channel| (channel.name.to_string(), channel.sample_data))
             .collect(),
-        attributes,
+        metadata: Metadata { texts, camera },
     })
 }
 
@@ -328,6 +345,11 @@ impl Part {
     /// Pixels of the part.
     pub(crate) fn len(&self) -> usize {
         self.width as usize * self.height as usize
+    }
+
+    /// Whether there is a channel `name`.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.channels.iter().any(|(present, _)| present == name)
     }
 
     /// Takes out the channel `name`, which must have a value for each pixel.

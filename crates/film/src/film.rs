@@ -46,6 +46,11 @@ impl PixelStats {
         self.mean.as_vec3()
     }
 
+    /// The mean before it is rounded to f32.
+    pub fn mean_f64(&self) -> DVec3 {
+        self.mean
+    }
+
     /// Estimated variance of the mean: the unbiased sample variance over the number of samples, ≥ 0.
     ///
     /// Zero for fewer than two samples, which is no estimate. A value beyond f32 becomes `f32::MAX`.

@@ -28,11 +28,14 @@
 
 mod atomic;
 mod bias;
+#[cfg(feature = "denoise")]
+mod denoise;
 mod error;
 mod exr;
 mod film;
 mod flicker;
 mod flip;
+mod metadata;
 mod metrics;
 mod picture;
 mod png;
@@ -40,10 +43,13 @@ mod png;
 pub use crate::exr::{Image, read_image};
 pub use atomic::write_atomically;
 pub use bias::{Bias, Interval, relative_variance};
+#[cfg(feature = "denoise")]
+pub use denoise::{DenoiseError, Denoiser};
 pub use error::FilmError;
 pub use film::PixelStats;
 pub use flicker::{FLICKER_BLOCK, Flicker};
 pub use flip::{PIXELS_PER_DEGREE, flip_map, ldr_flip_map};
+pub use metadata::{CameraMatrices, Metadata};
 pub use metrics::{Metrics, compare, compare_without_flip};
 pub use picture::Picture;
 pub use png::{Exposure, auto_exposure, tone_map, write_rgb8};

@@ -8,6 +8,7 @@ use glam::Vec3;
 use crate::{
     Exposure, FilmError, Image,
     exr::{Channel, Part, read_part, write_part},
+    metadata::Metadata,
 };
 
 /// A finished picture with its layers; row-major, row 0 at the top.
@@ -31,15 +32,24 @@ pub struct Picture {
     pub depth: Vec<f32>,
     /// Samples that the radiance is the mean of; zero marks a pixel that this picture does not have.
     pub samples: Vec<u32>,
+    /// The part of the radiance that has met at most one surface since it left a light: lights that are seen, and what
+    /// they light; empty in a picture that was read from a file without this layer.
+    pub direct: Vec<Vec3>,
+    /// The rest of the radiance; there whenever `direct` is.
+    pub indirect: Vec<Vec3>,
 }
 
-/// The colour layers with the names of their channels.
-const COLOURS: [[&str; 3]; 4] = [
+/// The colour layers with the names of their channels, in the order of [`Picture::colours`].
+const COLOURS: [[&str; 3]; 6] = [
     ["R", "G", "B"],
     ["variance.R", "variance.G", "variance.B"],
     ["albedo.R", "albedo.G", "albedo.B"],
     ["normal.X", "normal.Y", "normal.Z"],
+    ["direct.R", "direct.G", "direct.B"],
+    ["indirect.R", "indirect.G", "indirect.B"],
 ];
+/// So many of them are in every file; the others in none, or all of them.
+const ALWAYS: usize = 4;
 const DEPTH: &str = "depth.Z";
 const SAMPLES: &str = "samples.Y";
 
@@ -57,7 +67,37 @@ impl Picture {
             normal: colours(),
             depth: vec![0.0; pixels],
             samples: vec![0; pixels],
+            direct: colours(),
+            indirect: colours(),
         }
+    }
+
+    /// The colour layers, as in [`COLOURS`].
+    fn colours(&self) -> [&Vec<Vec3>; 6] {
+        [
+            &self.radiance,
+            &self.variance,
+            &self.albedo,
+            &self.normal,
+            &self.direct,
+            &self.indirect,
+        ]
+    }
+
+    fn colours_mut(&mut self) -> [&mut Vec<Vec3>; 6] {
+        [
+            &mut self.radiance,
+            &mut self.variance,
+            &mut self.albedo,
+            &mut self.normal,
+            &mut self.direct,
+            &mut self.indirect,
+        ]
+    }
+
+    /// Whether direct and indirect light are told apart.
+    fn is_divided(&self) -> bool {
+        !self.direct.is_empty()
     }
 
     /// The radiance alone.
@@ -72,17 +112,13 @@ impl Picture {
     /// Panics when a list has another length than the size asks for: whoever fills a picture keeps that.
     fn assert_lengths(&self) {
         let pixels = self.width as usize * self.height as usize;
-        let lengths = [
-            self.radiance.len(),
-            self.variance.len(),
-            self.albedo.len(),
-            self.normal.len(),
-            self.depth.len(),
-            self.samples.len(),
-        ];
+        let colours = self.colours().map(Vec::len);
+        let others = [self.depth.len(), self.samples.len()];
+        let (always, divided) = colours.split_at(ALWAYS);
         assert!(
-            lengths.iter().all(|&length| length == pixels),
-            "a picture of {}x{} has layers of {lengths:?} values",
+            always.iter().chain(&others).all(|&length| length == pixels)
+                && (divided == [0; 2] || divided == [pixels; 2]),
+            "a picture of {}x{} has layers of {colours:?} and {others:?} values",
             self.width,
             self.height
         );
@@ -90,10 +126,9 @@ impl Picture {
 
     /// Writes everything as one EXR, atomically (see [`crate::write_atomically`]).
     ///
-    /// One part of scan lines, ZIP-compressed, lossless to the bit: `R`, `G`, `B` (radiance), `variance.R/G/B`,
-    /// `albedo.R/G/B`, `normal.X/Y/Z` and `depth.Z` as 32-bit floats, and `samples.Y` as 32-bit integers.
-    /// `attributes` are names (1 to 245 bytes) and values, stored as strings named `manylight.NAME`.
-    /// The same picture and attributes, in whatever order, give the same bytes: no time stamp.
+    /// One part of scan lines, ZIP-compressed, lossless to the bit: `R`, `G`, `B` (radiance), `direct.R/G/B`,
+    /// `indirect.R/G/B`, `variance.R/G/B`, `albedo.R/G/B`, `normal.X/Y/Z` and `depth.Z` as 32-bit floats, and
+    /// `samples.Y` as 32-bit integers. The same picture and metadata give the same bytes: no time stamp.
     ///
     /// # Errors
     ///
@@ -103,7 +138,7 @@ impl Picture {
     /// # Panics
     ///
     /// When a layer's length does not fit the size.
-    pub fn write_exr(&self, path: &Path, attributes: &[(String, String)]) -> Result<(), FilmError> {
+    pub fn write_exr(&self, path: &Path, metadata: &Metadata) -> Result<(), FilmError> {
         self.assert_lengths();
         if self.radiance.is_empty() {
             return Err(FilmError::Empty {
@@ -113,8 +148,8 @@ impl Picture {
             });
         }
         let mut channels = Vec::new();
-        let layers = [&self.radiance, &self.variance, &self.albedo, &self.normal];
-        for (layer, names) in layers.into_iter().zip(COLOURS) {
+        let layers = self.colours().into_iter().zip(COLOURS);
+        for (layer, names) in layers.filter(|(layer, _)| !layer.is_empty()) {
             for (c, name) in names.into_iter().enumerate() {
                 channels.push(Channel {
                     name,
@@ -130,24 +165,24 @@ impl Picture {
             name: SAMPLES,
             samples: FlatSamples::U32(self.samples.clone()),
         });
-        write_part(path, self.width, self.height, channels, attributes)
+        write_part(path, self.width, self.height, channels, metadata)
     }
 
-    /// Reads what [`Picture::write_exr`] wrote, to the bit, and its attributes sorted by name.
+    /// Reads what [`Picture::write_exr`] wrote, to the bit, and its metadata with texts sorted by name.
     ///
     /// # Errors
     ///
-    /// Names the file when it cannot be read, is no EXR or not a whole one, or lacks one of the channels.
-    pub fn read_exr(path: &Path) -> Result<(Picture, Vec<(String, String)>), FilmError> {
+    /// Names the file when it cannot be read, is no EXR or not a whole one, or lacks one of the channels; only those of
+    /// direct and indirect light may be missing, together.
+    pub fn read_exr(path: &Path) -> Result<(Picture, Metadata), FilmError> {
         let mut part = read_part(path)?;
         let mut picture = Picture::new(part.width, part.height);
-        let layers = [
-            &mut picture.radiance,
-            &mut picture.variance,
-            &mut picture.albedo,
-            &mut picture.normal,
-        ];
-        for (layer, names) in layers.into_iter().zip(COLOURS) {
+        if !part.has(COLOURS[ALWAYS][0]) {
+            picture.direct.clear();
+            picture.indirect.clear();
+        }
+        let layers = picture.colours_mut().into_iter().zip(COLOURS);
+        for (layer, names) in layers.filter(|(layer, _)| !layer.is_empty()) {
             for (c, name) in names.into_iter().enumerate() {
                 let values = floats(&mut part, path, name)?;
                 layer
@@ -161,7 +196,7 @@ impl Picture {
             FlatSamples::U32(values) => values,
             _ => return Err(wrong_type(path, SAMPLES, "32-bit integers")),
         };
-        Ok((picture, part.attributes))
+        Ok((picture, part.metadata))
     }
 
     /// Writes the radiance, tone-mapped, as an 8-bit sRGB PNG, atomically; see [`crate::tone_map`].
@@ -176,7 +211,7 @@ impl Picture {
     /// Joins shards of one render, each named (by its file, say) and holding samples for pixels that no other has.
     ///
     /// Each pixel, in all layers, comes bit for bit from the one shard whose `samples` there is not zero.
-    /// The order of the shards does not matter.
+    /// The order of the shards does not matter. Direct and indirect light are told apart if all shards do.
     ///
     /// # Errors
     ///
@@ -202,6 +237,10 @@ impl Picture {
         }
         let place = |i: usize| ((i % width as usize) as u32, (i / width as usize) as u32);
         let mut merged = Picture::new(width, height);
+        if !parts.iter().all(|(_, part)| part.is_divided()) {
+            merged.direct.clear();
+            merged.indirect.clear();
+        }
         let mut owner: Vec<Option<usize>> = vec![None; merged.samples.len()];
         for (k, (name, part)) in parts.iter().enumerate() {
             let mut overlap: Option<(usize, usize)> = None; // first pixel, its owner
@@ -213,10 +252,10 @@ impl Picture {
                     continue;
                 }
                 owner[i] = Some(k);
-                merged.radiance[i] = part.radiance[i];
-                merged.variance[i] = part.variance[i];
-                merged.albedo[i] = part.albedo[i];
-                merged.normal[i] = part.normal[i];
+                let layers = merged.colours_mut().into_iter().zip(part.colours());
+                for (layer, own) in layers.filter(|(layer, _)| !layer.is_empty()) {
+                    layer[i] = own[i];
+                }
                 merged.depth[i] = part.depth[i];
                 merged.samples[i] = part.samples[i];
             }
@@ -270,7 +309,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::read_image;
+    use crate::{CameraMatrices, read_image};
 
     /// A picture with a different value everywhere, awkward ones among them.
     fn awkward(width: u32, height: u32) -> Picture {
@@ -292,13 +331,7 @@ mod tests {
                 n.sin() * n.exp2().min(1e30)
             }
         };
-        let layers = [
-            &mut picture.radiance,
-            &mut picture.variance,
-            &mut picture.albedo,
-            &mut picture.normal,
-        ];
-        for pixel in layers.into_iter().flatten() {
+        for pixel in picture.colours_mut().into_iter().flatten() {
             *pixel = Vec3::new(next(), next(), next());
         }
         picture.depth.iter_mut().for_each(|depth| *depth = next());
@@ -312,13 +345,8 @@ mod tests {
 
     /// All bits of all layers.
     fn bits(picture: &Picture) -> Vec<u32> {
-        let layers = [
-            &picture.radiance,
-            &picture.variance,
-            &picture.albedo,
-            &picture.normal,
-        ];
-        let colours = layers.into_iter().flatten().flat_map(|v| v.to_array());
+        let layers = picture.colours().into_iter().flatten();
+        let colours = layers.flat_map(|v| v.to_array());
         colours
             .chain(picture.depth.iter().copied())
             .map(f32::to_bits)
@@ -326,7 +354,18 @@ mod tests {
             .collect()
     }
 
-    fn attributes() -> Vec<(String, String)> {
+    fn metadata() -> Metadata {
+        let number = |first: u8| std::array::from_fn(|i| f32::from(first) + 0.1 * i as f32);
+        Metadata {
+            texts: texts(),
+            camera: Some(CameraMatrices {
+                world_to_camera: number(0),
+                world_to_ndc: number(100),
+            }),
+        }
+    }
+
+    fn texts() -> Vec<(String, String)> {
         [
             (
                 "config",
@@ -349,13 +388,13 @@ mod tests {
         for (width, height) in [(1, 1), (37, 19), (5, 100), (300, 1)] {
             let mut picture = awkward(width, height);
             picture.radiance[0] = Vec3::new(f32::NAN, 0.5, -f32::NAN);
-            picture.write_exr(&path, &attributes()).expect("writes");
-            let (read, names) = Picture::read_exr(&path).expect("reads");
+            picture.write_exr(&path, &metadata()).expect("writes");
+            let (read, found) = Picture::read_exr(&path).expect("reads");
             assert_eq!((read.width, read.height), (width, height), "size");
             assert_eq!(bits(&read), bits(&picture), "bits of {width}x{height}");
-            let mut expected = attributes();
-            expected.sort();
-            assert_eq!(names, expected, "attributes");
+            let mut expected = metadata();
+            expected.texts.sort();
+            assert_eq!(found, expected, "metadata");
             let colours = read_image(&path).expect("reads");
             let bits = |pixels: &[Vec3]| {
                 pixels
@@ -375,13 +414,13 @@ mod tests {
     fn equal_pictures_give_equal_bytes() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let picture = awkward(40, 70);
-        let mut attributes = attributes();
+        let mut metadata = metadata();
         let path = folder.path().join("a.exr");
-        picture.write_exr(&path, &attributes).expect("writes");
+        picture.write_exr(&path, &metadata).expect("writes");
         let first = fs::read(&path).expect("reads");
         for _ in 0..8 {
-            attributes.rotate_left(1);
-            picture.write_exr(&path, &attributes).expect("writes");
+            metadata.texts.rotate_left(1);
+            picture.write_exr(&path, &metadata).expect("writes");
             assert!(fs::read(&path).expect("reads") == first, "the bytes differ");
         }
     }
@@ -391,6 +430,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("a.exr");
         let pair = |name: &str| (name.to_string(), "value".to_string());
+        let of = |texts: Vec<(String, String)>| Metadata {
+            texts,
+            camera: None,
+        };
         for bad in [
             vec![pair("")],
             vec![pair(&"x".repeat(250))],
@@ -398,18 +441,18 @@ mod tests {
             vec![pair("a"), pair("a")],
         ] {
             let error = Picture::new(2, 2)
-                .write_exr(&path, &bad)
+                .write_exr(&path, &of(bad))
                 .expect_err("no such attribute");
             assert!(error.to_string().contains("a.exr: attribute"), "{error}");
             assert!(!path.exists(), "nothing is written");
         }
         // A name that EXR itself uses is as good as any.
         Picture::new(2, 2)
-            .write_exr(&path, &[pair("channels"), pair("comments")])
+            .write_exr(&path, &of(vec![pair("channels"), pair("comments")]))
             .expect("writes");
         assert_eq!(
             Picture::read_exr(&path).expect("reads").1,
-            [pair("channels"), pair("comments")],
+            of(vec![pair("channels"), pair("comments")]),
             "names"
         );
     }
@@ -421,7 +464,7 @@ mod tests {
         for (width, height) in [(0, 0), (3, 0), (0, 3)] {
             let picture = Picture::new(width, height);
             assert!(
-                picture.write_exr(&path, &[]).is_err(),
+                picture.write_exr(&path, &Metadata::default()).is_err(),
                 "{width}x{height} EXR"
             );
             assert!(
@@ -450,7 +493,7 @@ mod tests {
         expect_error("zeros");
 
         awkward(50, 60)
-            .write_exr(&path, &attributes())
+            .write_exr(&path, &metadata())
             .expect("writes");
         let whole = fs::read(&path).expect("reads");
         for k in 1..40 {
@@ -465,7 +508,9 @@ mod tests {
     fn a_forged_size_is_refused_before_memory_is_taken() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("forged.exr");
-        Picture::new(16, 16).write_exr(&path, &[]).expect("writes");
+        Picture::new(16, 16)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let whole = fs::read(&path).expect("reads");
         let window = whole
             .windows(11)
@@ -495,7 +540,9 @@ mod tests {
     fn dwa_compression_is_refused_by_name() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("dwa.exr");
-        Picture::new(16, 16).write_exr(&path, &[]).expect("writes");
+        Picture::new(16, 16)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let mut bytes = fs::read(&path).expect("reads");
         let name = b"compression\0compression\0\x01\0\0\0";
         let at = bytes
@@ -515,7 +562,9 @@ mod tests {
     fn flipped_bytes_never_panic() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("flipped.exr");
-        awkward(9, 20).write_exr(&path, &[]).expect("writes");
+        awkward(9, 20)
+            .write_exr(&path, &Metadata::default())
+            .expect("writes");
         let whole = fs::read(&path).expect("reads");
         arbtest::arbtest(|u| {
             let mut bytes = whole.clone();
@@ -544,7 +593,7 @@ mod tests {
             name: "Y",
             samples: FlatSamples::F32(vec![0.25, 2.0]),
         }];
-        write_part(&path, 2, 1, channels, &[]).expect("writes");
+        write_part(&path, 2, 1, channels, &Metadata::default()).expect("writes");
         let error = Picture::read_exr(&path).expect_err("grey");
         assert!(
             error
@@ -558,7 +607,7 @@ mod tests {
             name: "view.R",
             samples: FlatSamples::F32(vec![0.25, 2.0]),
         }];
-        write_part(&path, 2, 1, channels, &[]).expect("writes");
+        write_part(&path, 2, 1, channels, &Metadata::default()).expect("writes");
         let error = read_image(&path).expect_err("no default layer");
         assert!(
             error
@@ -599,6 +648,22 @@ mod tests {
                 "{count} shards, reversed"
             );
         }
+    }
+
+    #[test]
+    fn direct_and_indirect_light_may_be_missing_and_are_then_missing_in_what_is_merged() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = folder.path().join("old.exr");
+        let mut parts = shards(&awkward(13, 7), 2);
+        let old = &mut parts[1].1;
+        old.direct.clear();
+        old.indirect.clear();
+        old.write_exr(&path, &metadata()).expect("writes");
+        let (read, _) = Picture::read_exr(&path).expect("reads");
+        assert_eq!(bits(&read), bits(old), "what an older version wrote");
+        let merged = Picture::merge(&parts).expect("merges");
+        assert!(!merged.is_divided(), "half of a layer is none");
+        assert_eq!(merged.radiance, awkward(13, 7).radiance, "radiance");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Damaged pictures: each is read or refused, in little time and memory, as a shard to merge and as a reference.
 
 use glam::Vec3;
-use manylight_film::{Picture, read_image};
+use manylight_film::{Metadata, Picture, read_image};
 use peak_alloc::PeakAlloc;
 use verify::{Fuzz, Outcome};
 
@@ -28,8 +28,11 @@ fn shard(odd: usize) -> Picture {
 fn fuzz(inputs: u64) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.exr");
-    let attributes = [("seed".to_owned(), "1".to_owned())];
-    shard(0).write_exr(&path, &attributes).expect("writes");
+    let metadata = Metadata {
+        texts: vec![("seed".to_owned(), "1".to_owned())],
+        camera: None,
+    };
+    shard(0).write_exr(&path, &metadata).expect("writes");
     let seed = std::fs::read(&path).expect("reads");
     let other = ("other".to_owned(), shard(1));
     let peak = || {

@@ -72,6 +72,11 @@ pub(crate) struct Clusters<'a> {
 }
 
 impl Clusters<'_> {
+    /// Whether the lights below `id`, all of one kind, are the scene's own.
+    pub(crate) fn is_source(&self, id: NodeId) -> bool {
+        self.lights.is_source(self.representatives.light(id))
+    }
+
     /// Upper bound of the luminance that the lights below `id`, all of one kind, send by way of any of the
     /// points of together `strength` to the viewer: of the error of an estimate that is not negative and not
     /// above it either.

@@ -12,6 +12,7 @@ use scene::trace::{Hit, Ray, Tracer};
 use scene::{BrdfSample, Scene};
 
 use crate::point::GatherPoint;
+use crate::shadow_queue::Seen;
 
 /// Which light paths are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -86,13 +87,13 @@ pub(crate) struct Walk<'a> {
 
 impl Walk<'_> {
     /// Follows a path on from its first gather point. Gather points, the first included, go to `points`, and what is
-    /// met of lights, by pixel sample, to `lights`. Returns the number of rays.
+    /// met of lights to `lights`. Returns the number of rays.
     pub(crate) fn follow(
         &self,
         first: GatherPoint,
         rng: &mut Rng,
         points: &mut Vec<GatherPoint>,
-        lights: &mut Vec<(u32, Vec3)>,
+        lights: &mut Vec<Seen>,
     ) -> u64 {
         let hits_lights = self.scene.has_visible_lights();
         let mut x = GatherPoint {
@@ -127,7 +128,11 @@ impl Walk<'_> {
                 let radiance = strength * seen(self.scene, wi, hit.as_ref());
                 if radiance != Vec3::ZERO {
                     let rest = 1.0 - self.share_of_sampling(&x, wi, hit.as_ref());
-                    lights.push((x.slot, radiance * rest));
+                    lights.push(Seen {
+                        slot: x.slot,
+                        radiance: radiance * rest,
+                        is_direct: x.bounce == 0,
+                    });
                 }
             }
             let Some(hit) = hit.filter(|_| !is_last) else {

@@ -19,7 +19,7 @@ use crate::counters::{Counters, Phase};
 use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
-use crate::shadow_queue::{QueueScratch, ShadowQueue};
+use crate::shadow_queue::{QueueScratch, Seen, ShadowQueue};
 use crate::tile_points::TilePoints;
 
 /// What is rendered and how, apart from scene and lights.
@@ -86,13 +86,36 @@ struct Tile {
     counters: Counters,
 }
 
-/// Sums of what the first hit looks like.
+/// Sums over a pixel's samples beside their radiance: what the first hit looks like, and which part of the light is direct.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Features {
     albedo: DVec3,
     normal: DVec3,
     depth: f64,
     hits: u32,
+    direct: DVec3,
+}
+
+/// A pixel's radiance in two parts.
+struct Parts {
+    direct: DVec3,
+    indirect: DVec3,
+}
+
+impl Features {
+    /// The parts of the mean radiance of `pixel`.
+    fn parts(&self, pixel: &PixelStats) -> Parts {
+        /// Means and sums round differently: a part below this share of the whole is rounding, and there is none.
+        const ROUNDING: f64 = 1e-10;
+        let mean = pixel.mean_f64();
+        let direct = self.direct / f64::from(pixel.count().max(1));
+        let indirect = mean - direct;
+        let is_there = indirect.cmpgt(mean * ROUNDING);
+        Parts {
+            direct: DVec3::select(is_there, direct, mean),
+            indirect: DVec3::select(is_there, indirect, DVec3::ZERO),
+        }
+    }
 }
 
 /// A finished pass.
@@ -290,6 +313,9 @@ impl<'a> Render<'a> {
                 picture.radiance[at] = pixel.mean();
                 picture.variance[at] = pixel.variance_of_mean();
                 picture.samples[at] = pixel.count();
+                let parts = features.parts(pixel);
+                picture.direct[at] = parts.direct.as_vec3();
+                picture.indirect[at] = parts.indirect.as_vec3();
                 if tile.done > 0 {
                     picture.albedo[at] = (features.albedo / f64::from(tile.done)).as_vec3();
                     picture.normal[at] = (features.normal / f64::from(tile.done)).as_vec3();
@@ -333,7 +359,7 @@ struct Scratch<S> {
     points: Vec<GatherPoint>,
     pilots: Vec<GatherPoint>,
     /// What is seen without a surface that reflects it, by pixel sample.
-    seen: Vec<(u32, Vec3)>,
+    seen: Vec<Seen>,
     features: Vec<Features>,
     method: S,
 }
@@ -415,8 +441,8 @@ impl<F> PassOf<'_, F> {
             slots,
             &mut scratch.queue,
         );
-        for &(slot, radiance) in &scratch.seen {
-            queue.add_seen(slot, radiance);
+        for seen in &scratch.seen {
+            queue.add_seen(seen);
         }
         // Every vertex of a path has streams of its own.
         let vertex_stream = |slot: u32, bounce: u32, purpose| {
@@ -464,9 +490,12 @@ impl<F> PassOf<'_, F> {
             queue.end_point();
         }
         let (counters, sums) = queue.finish();
-        for (pixel, sums) in tile.pixels.iter_mut().zip(sums.chunks_exact(samples)) {
+        let pixels = tile.pixels.iter_mut().zip(&mut scratch.features);
+        for ((pixel, features), sums) in pixels.zip(sums.chunks_exact(samples)) {
             for sum in sums {
-                if !pixel.add(sum.as_vec3()) {
+                if pixel.add(sum.radiance.as_vec3()) {
+                    features.direct += sum.direct;
+                } else {
                     tile.counters.nonfinite += 1;
                 }
             }
@@ -527,7 +556,11 @@ impl<F> PassOf<'_, F> {
         if self.scene.has_visible_lights() {
             let radiance = seen(self.scene, direction, hit.as_ref());
             if radiance != Vec3::ZERO {
-                scratch.seen.push((start.slot, radiance));
+                scratch.seen.push(Seen {
+                    slot: start.slot,
+                    radiance,
+                    is_direct: true,
+                });
             }
         }
         let Some(hit) = hit else {

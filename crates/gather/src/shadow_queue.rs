@@ -1,5 +1,6 @@
 //! The one door between methods and light: evaluation, now or in batches.
 
+use std::ops::AddAssign;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
@@ -33,7 +34,7 @@ pub trait LightEval {
     fn shape(&self) -> VirtualShape;
 
     /// Adds radiance that the method worked out itself, to the pixel sample of `x`.
-    fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3);
+    fn add_radiance(&mut self, x: &GatherPoint, radiance: Gathered);
 
     /// Says that the time since the last mark was spent on `phase`.
     fn mark(&mut self, _phase: Phase) {}
@@ -42,11 +43,67 @@ pub trait LightEval {
     fn count_dead(&mut self) {}
 }
 
+/// Radiance that a method added up.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gathered {
+    /// Of all lights.
+    pub all: DVec3,
+    /// Of those that are the scene's own.
+    pub of_sources: DVec3,
+}
+
+impl Gathered {
+    /// `radiance` of lights that are the scene's own, or of others.
+    pub fn by(radiance: DVec3, is_source: bool) -> Self {
+        Self {
+            all: radiance,
+            of_sources: if is_source { radiance } else { DVec3::ZERO },
+        }
+    }
+}
+
+impl AddAssign for Gathered {
+    fn add_assign(&mut self, other: Self) {
+        self.all += other.all;
+        self.of_sources += other.of_sources;
+    }
+}
+
+/// What a pixel sample has received.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SampleSum {
+    /// Radiance.
+    pub radiance: DVec3,
+    /// The part of it that has met one surface, or none, since it left a light.
+    pub direct: DVec3,
+}
+
+impl SampleSum {
+    fn add(&mut self, radiance: DVec3, is_direct: bool) {
+        self.radiance += radiance;
+        if is_direct {
+            self.direct += radiance;
+        }
+    }
+}
+
+/// Light that an eye path meets by itself.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Pixel sample.
+    pub slot: u32,
+    /// What it adds to that.
+    pub radiance: Vec3,
+    /// Whether it is seen, or by one reflection.
+    pub is_direct: bool,
+}
+
 /// A shadow ray's passenger.
 #[derive(Debug, Clone, Copy)]
 struct Pending {
     value: Vec3,
     slot: u32,
+    is_direct: bool,
 }
 
 /// Rays traced together. Enough to keep the tracer's lanes full, few enough to stay in the nearest cache.
@@ -77,7 +134,7 @@ pub struct QueueScratch {
     rays: Vec<Ray>,
     pending: Vec<Pending>,
     occluded: Vec<bool>,
-    sums: Vec<DVec3>,
+    sums: Vec<SampleSum>,
     occlusion: OcclusionScratch,
 }
 
@@ -95,7 +152,7 @@ impl<'a> ShadowQueue<'a> {
         scratch.rays.clear();
         scratch.pending.clear();
         scratch.sums.clear();
-        scratch.sums.resize(slots, DVec3::ZERO);
+        scratch.sums.resize(slots, SampleSum::default());
         let rng = Rng::new(0, 0, 0, sampling::Purpose::LightSurface);
         Self {
             scene,
@@ -141,13 +198,13 @@ impl<'a> ShadowQueue<'a> {
         }
     }
 
-    /// Adds radiance that the viewer sees without a surface that reflects it, to a pixel sample.
-    pub fn add_seen(&mut self, slot: u32, radiance: Vec3) {
-        self.scratch.sums[slot as usize] += radiance.as_dvec3();
+    /// Adds what an eye path met.
+    pub fn add_seen(&mut self, seen: &Seen) {
+        self.scratch.sums[seen.slot as usize].add(seen.radiance.as_dvec3(), seen.is_direct);
     }
 
     /// Traces what is waiting and returns the sums of all pixel samples.
-    pub fn finish(mut self) -> (Counters, &'a [DVec3]) {
+    pub fn finish(mut self) -> (Counters, &'a [SampleSum]) {
         self.flush();
         (self.counters, &self.scratch.sums)
     }
@@ -188,7 +245,8 @@ impl<'a> ShadowQueue<'a> {
             .zip(&scratch.occluded)
             .filter(|(_, occluded)| !**occluded)
         {
-            scratch.sums[pending.slot as usize] += pending.value.as_dvec3();
+            let sum = &mut scratch.sums[pending.slot as usize];
+            sum.add(pending.value.as_dvec3(), pending.is_direct);
         }
         self.counters.shadow_rays += scratch.rays.len() as u64;
         scratch.rays.clear();
@@ -218,6 +276,7 @@ impl LightEval for ShadowQueue<'_> {
         self.scratch.pending.push(Pending {
             value,
             slot: x.slot,
+            is_direct: x.bounce == 0 && lights.is_source(id),
         });
         // A method may add a million lights at one point.
         if self.scratch.rays.len() >= 4 * BATCH {
@@ -237,10 +296,15 @@ impl LightEval for ShadowQueue<'_> {
         self.shape
     }
 
-    fn add_radiance(&mut self, x: &GatherPoint, radiance: DVec3) {
-        let value = radiance * x.strength.as_dvec3();
+    fn add_radiance(&mut self, x: &GatherPoint, radiance: Gathered) {
+        let strength = x.strength.as_dvec3();
+        let value = radiance.all * strength;
         if value.is_finite() {
-            self.scratch.sums[x.slot as usize] += value;
+            let sum = &mut self.scratch.sums[x.slot as usize];
+            sum.radiance += value;
+            if x.bounce == 0 {
+                sum.direct += radiance.of_sources * strength;
+            }
         } else {
             self.counters.nonfinite += 1;
         }

@@ -359,6 +359,11 @@ impl LightSet {
         self.kinds[id.index()]
     }
 
+    /// Whether the light is one of the scene's own, and none that stands for what a surface sends on.
+    pub fn is_source(&self, id: LightId) -> bool {
+        self.kind(id) != LightKind::Virtual
+    }
+
     /// Least and greatest corner of the box around all points that the light shines from: its position, or a triangle
     /// with the offset of its points. `None` for distant lights.
     pub fn bounds(&self, id: LightId) -> Option<(Vec3, Vec3)> {

@@ -80,11 +80,21 @@ pub fn read<T: DeserializeOwned>(
     variants_with_fields: &[&str],
 ) -> Result<T, RonError> {
     let name = file.display().to_string();
+    parse(&name, &read_text(file)?, overrides, variants_with_fields)
+}
+
+/// Reads `file` as text.
+///
+/// # Errors
+///
+/// When the file cannot be read, and as [`text`].
+pub fn read_text(file: &Path) -> Result<String, RonError> {
+    let name = file.display().to_string();
     let bytes = std::fs::read(file).map_err(|source| RonError::Io {
         file: name.clone(),
         source,
     })?;
-    parse(&name, text(&name, &bytes)?, overrides, variants_with_fields)
+    text(&name, &bytes).map(str::to_owned)
 }
 
 /// The text in a file's bytes.
@@ -158,6 +168,21 @@ pub fn parse<T: DeserializeOwned>(
             }
         }
     })
+}
+
+/// `text` with the `overrides` put in, comments and all: what a file would say that needs none.
+///
+/// # Errors
+///
+/// When an override does not fit.
+pub fn overridden(
+    text: &str,
+    overrides: &[Override],
+    variants_with_fields: &[&str],
+) -> Result<String, RonError> {
+    let mut edited = Edited::new(text.strip_prefix('\u{FEFF}').unwrap_or(text));
+    set::apply(&mut edited, overrides, variants_with_fields)?;
+    Ok(edited.text().to_owned())
 }
 
 /// Where the value at `path` (`lights[3].intensity`) is in a text, for checks that come after reading.

@@ -540,3 +540,17 @@ fn no_text_makes_it_panic() {
         Ok(())
     });
 }
+
+#[test]
+fn a_text_with_overrides_put_in_needs_none() {
+    let text = "( // a run\n  image: (spp: 4), lights: Vsl,\n)";
+    let sets = ["image.spp=9", "lights.radius=2.0", "seed=7"];
+    let sets = sets.map(|set| set.parse().expect("an override"));
+    let found = overridden(text, &sets, &["Vsl"]).expect("fits");
+    assert_eq!(
+        found,
+        "(seed: 7,  // a run\n  image: (spp: 9), lights: Vsl(radius: 2.0),\n)"
+    );
+    let misfit = "image.spp.x=1".parse().expect("an override");
+    assert!(overridden(text, &[misfit], &[]).is_err(), "no such place");
+}

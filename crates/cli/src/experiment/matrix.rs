@@ -105,6 +105,7 @@ fn cells(
                             method: entry.method.clone(),
                             // Every frame has noise of its own.
                             seed: seed.wrapping_add(u64::from(frame) << 32),
+                            config: String::new(),
                             name: entry.name.clone(),
                             limit: MemoryLimit::default(),
                         },

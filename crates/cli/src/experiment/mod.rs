@@ -65,10 +65,7 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
         Path::new("out").join(format!("{name}{quick}"))
     });
     check_folder(&folder)?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|e| CliError::Input(format!("--threads: cannot start threads: {e}")))?;
+    let pool = crate::prepared::threads(arguments.threads)?;
     pool.install(|| {
         let store = Store::new(&folder);
         let progress = Progress::new(arguments.quiet);

@@ -123,8 +123,8 @@ pub(crate) fn obtain(
         version: env!("CARGO_PKG_VERSION").to_owned(),
         commit: env!("MANYLIGHT_COMMIT").to_owned(),
     };
-    let attributes = report::attributes(job, &loaded.scene, render.spp());
-    finished.write_exr(&picture, &attributes)?;
+    let metadata = report::metadata(job, &loaded.scene, render.spp());
+    finished.write_exr(&picture, &metadata)?;
     // Last, for it says that the picture is whole.
     store::write_record(&record, &made)?;
     state::remove(&file("state"))?;

@@ -259,8 +259,8 @@ impl Run<'_> {
         };
         let store = self.machinery.store;
         if cell.keeps_picture {
-            let attributes = report::attributes(&cell.job, &loaded.scene, figures.spp);
-            image.write_exr(&store.cell(key, "exr"), &attributes)?;
+            let metadata = report::metadata(&cell.job, &loaded.scene, figures.spp);
+            image.write_exr(&store.cell(key, "exr"), &metadata)?;
         }
         // Last, for it says that the cell is whole.
         store::write_record(&store.cell(key, "json"), &figures)?;

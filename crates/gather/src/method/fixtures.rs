@@ -37,7 +37,7 @@ pub(crate) fn at<'m, M: Method<'m>>(
     );
     queue.end_point();
     let (counters, sums) = queue.finish();
-    (sums[0], counters)
+    (sums[0].radiance, counters)
 }
 
 pub(crate) fn all_lights(inputs: &Inputs) -> AllLights<'_> {

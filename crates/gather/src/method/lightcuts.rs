@@ -90,7 +90,8 @@ impl<E: LightEval> Point<'_, '_, E> {
             unit.unwrap_or_else(|| self.eval.unit_radiance(self.x, representatives.light(id)));
         let estimate = unit.as_dvec3() * representatives.intensity(id).as_dvec3();
         if is_leaf {
-            cut.add_exact(estimate);
+            let is_source = self.clusters.is_source(id);
+            cut.add_exact(estimate, is_source);
         } else {
             cut.add(Cluster {
                 bound,
@@ -165,7 +166,7 @@ impl<'a> Method<'a> for Lightcuts<'a> {
         };
         point.refine(cut, self.spec.cut.get() as usize, self.spec.error.get());
         eval.mark(Phase::Cut);
-        eval.add_radiance(x, cut.sum());
+        eval.add_radiance(x, cut.sum(|cluster| clusters.is_source(cluster.key)));
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Source: Walter, Arbree, Bala, Greenberg, "Multidimensional Lightcuts", 2006.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 use light_tree::{LightOrder, LightSet, LightTree, NodeId, Representatives};
 use sampling::Rng;
 use serde::Deserialize;
@@ -14,7 +14,7 @@ use crate::counters::Phase;
 use crate::error_bound::Clusters;
 use crate::gather_tree::{GatherId, GatherTree};
 use crate::point::GatherPoint;
-use crate::shadow_queue::LightEval;
+use crate::shadow_queue::{Gathered, LightEval};
 
 /// Estimates each cluster of pairs, gather points × lights, by one of its pairs, and splits the cluster of greatest
 /// error bound until that bound is at most `error` of the pixel's total or there are `cut` clusters.
@@ -78,7 +78,7 @@ pub struct MultidimensionalScratch {
     gather: GatherTree,
     cut: Refinement<Pairs, Sample>,
     /// For each gather node, the radiance that each of its points has got by what was settled there.
-    received: Vec<DVec3>,
+    received: Vec<Gathered>,
 }
 
 /// What is known while one pixel's cut is refined.
@@ -87,7 +87,7 @@ struct Pixel<'a, 'e, E> {
     order: &'a LightOrder,
     points: &'a [GatherPoint],
     gather: &'a GatherTree,
-    received: &'a mut [DVec3],
+    received: &'a mut [Gathered],
     /// In [0, 1): which light and which gather point represent the next cluster.
     next: DVec2,
     eval: &'e mut E,
@@ -130,8 +130,9 @@ impl<E: LightEval> Pixel<'_, '_, E> {
         let radiance = sample.unit.as_dvec3() * intensity.as_dvec3();
         let estimate = self.gather.node(points).strength * radiance;
         if self.is_one(pairs) {
-            self.received[points.index()] += radiance;
-            cut.add_exact(estimate);
+            let is_source = self.clusters.is_source(light);
+            self.received[points.index()] += Gathered::by(radiance, is_source);
+            cut.add_exact(estimate, is_source);
         } else {
             cut.add(Cluster {
                 bound,
@@ -274,14 +275,15 @@ impl<'a> Method<'a> for Multidimensional<'a> {
             return;
         };
         received.clear();
-        received.resize(gather.len(), DVec3::ZERO);
+        received.resize(gather.len(), Gathered::default());
+        let clusters = Clusters {
+            tree,
+            representatives,
+            lights: self.lights,
+            shape: eval.shape(),
+        };
         let mut pixel = Pixel {
-            clusters: Clusters {
-                tree,
-                representatives,
-                lights: self.lights,
-                shape: eval.shape(),
-            },
+            clusters,
             order,
             points: xs,
             gather,
@@ -297,8 +299,9 @@ impl<'a> Method<'a> for Multidimensional<'a> {
         );
         for cluster in cut.clusters() {
             let (light, points) = cluster.key;
-            received[points.index()] +=
+            let radiance =
                 cluster.sample.unit.as_dvec3() * representatives.intensity(light).as_dvec3();
+            received[points.index()] += Gathered::by(radiance, clusters.is_source(light));
         }
         eval.mark(Phase::Cut);
         // Parents come after their children.
@@ -335,6 +338,7 @@ mod tests {
     use crate::method::fixtures::{all_lights, at, many_lights, many_points};
     use crate::method::refinement::mean;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
+    use glam::DVec3;
     use light_tree::TreeBuilder;
     use sampling::Purpose;
 
@@ -368,7 +372,7 @@ mod tests {
         );
         queue.end_point();
         let (counters, sums) = queue.finish();
-        (sums.to_vec(), counters)
+        (sums.iter().map(|sum| sum.radiance).collect(), counters)
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::collections::BinaryHeap;
 use glam::DVec3;
 
 use super::Fraction;
+use crate::shadow_queue::Gathered;
 
 /// The published share of the total that a cluster may be off by: 2 %, what can just be seen by Weber's law.
 pub(super) const JUST_VISIBLE: Fraction = Fraction::of(0.02);
@@ -53,7 +54,7 @@ impl<K: Ord, S> Ord for Cluster<K, S> {
 pub(super) struct Refinement<K, S> {
     heap: BinaryHeap<Cluster<K, S>>,
     /// What the clusters send that need no splitting.
-    exact: DVec3,
+    exact: Gathered,
     /// Clusters, exact ones included.
     size: usize,
     /// Of the estimates, as they were added and taken away.
@@ -66,7 +67,7 @@ impl<K: Ord, S> Default for Refinement<K, S> {
     fn default() -> Self {
         Self {
             heap: BinaryHeap::new(),
-            exact: DVec3::ZERO,
+            exact: Gathered::default(),
             size: 0,
             total: 0.0,
             peak: 0.0,
@@ -78,7 +79,7 @@ impl<K: Ord, S> Refinement<K, S> {
     /// Begins a new cut.
     pub(super) fn clear(&mut self) {
         self.heap.clear();
-        (self.exact, self.size) = (DVec3::ZERO, 0);
+        (self.exact, self.size) = (Gathered::default(), 0);
         (self.total, self.peak) = (0.0, 0.0);
     }
 
@@ -89,11 +90,11 @@ impl<K: Ord, S> Refinement<K, S> {
         self.heap.push(cluster);
     }
 
-    /// Takes a cluster whose estimate is exact.
-    pub(super) fn add_exact(&mut self, estimate: DVec3) {
+    /// Takes a cluster whose estimate is exact. `is_source` says whether its light is one of the scene's own.
+    pub(super) fn add_exact(&mut self, estimate: DVec3, is_source: bool) {
         self.change(estimate, 1.0);
         self.size += 1;
-        self.exact += estimate;
+        self.exact += Gathered::by(estimate, is_source);
     }
 
     /// Takes the cluster of greatest bound away, to be split; `None` when the cut has `size` clusters, or no
@@ -103,7 +104,7 @@ impl<K: Ord, S> Refinement<K, S> {
     pub(super) fn worst(&mut self, size: usize, error: f64) -> Option<Cluster<K, S>> {
         // So much was taken away that digits were lost.
         if self.total < 1e-6 * self.peak {
-            self.total = mean(self.sum());
+            self.total = mean(self.sum(|_| false).all);
             self.peak = self.total;
         }
         let worst = self.heap.peek()?;
@@ -116,9 +117,14 @@ impl<K: Ord, S> Refinement<K, S> {
         Some(worst)
     }
 
-    /// What all clusters send, added up anew.
-    pub(super) fn sum(&self) -> DVec3 {
-        self.clusters().fold(self.exact, |sum, c| sum + c.estimate)
+    /// What all clusters send, added up anew. `is_source` says of those that are not exact whether their lights are the
+    /// scene's own.
+    pub(super) fn sum(&self, is_source: impl Fn(&Cluster<K, S>) -> bool) -> Gathered {
+        let mut sum = self.exact;
+        for cluster in self.clusters() {
+            sum += Gathered::by(cluster.estimate, is_source(cluster));
+        }
+        sum
     }
 
     /// The clusters that are not exact, in no order that has a meaning, but always the same.
@@ -162,14 +168,19 @@ mod tests {
         }
         // Of equal bounds the first; when two are left 0.1 of their total is 2.
         assert_eq!(order, [3, 2, 4, 1], "the order of splitting");
-        assert_eq!(cut.sum(), DVec3::splat(10.0), "one is left");
+        let sum = cut.sum(|_| false);
+        assert_eq!(sum.all, DVec3::splat(10.0), "one is left");
+        assert_eq!(sum.of_sources, DVec3::ZERO, "it is no source");
     }
 
     #[test]
     fn a_full_cut_is_not_split() {
         let mut cut = Refinement::default();
         cut.add(cluster(1, 5.0, 1.0));
-        cut.add_exact(DVec3::ONE);
+        cut.add_exact(DVec3::ONE, true);
+        let sum = cut.sum(|c| c.key == 2);
+        assert_eq!(sum.all, DVec3::splat(2.0), "all");
+        assert_eq!(sum.of_sources, DVec3::ONE, "the exact one");
         assert!(cut.worst(2, 0.0).is_none(), "two clusters");
         assert!(cut.worst(3, 0.0).is_some(), "three are allowed");
     }

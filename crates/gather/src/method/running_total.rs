@@ -4,7 +4,7 @@
 //! Source: the code published with Lin and Yuksel 2020, "Real-Time Stochastic Lightcuts", for the method of 2019.
 
 use glam::DVec3;
-use light_tree::{LightTree, NodeId, NodeWeights};
+use light_tree::{LightSet, LightTree, NodeId, NodeWeights};
 use sampling::Rng;
 
 use super::refinement::{Cluster, Refinement};
@@ -13,13 +13,21 @@ use crate::error_bound::Reflection;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
-/// A cut whose clusters each carry the random number that drew their light.
-pub(super) type SampledCut = Refinement<NodeId, f64>;
+/// A cut whose clusters each carry how their light was drawn.
+pub(super) type SampledCut = Refinement<NodeId, Drawn>;
+
+/// How a light was drawn from a cluster.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Drawn {
+    /// The number that draws it, given the cluster.
+    u: f64,
+    /// Whether it is one of the scene's own.
+    pub(super) is_source: bool,
+}
 
 /// A light drawn from a cluster.
 struct Sample {
-    /// The number that draws it, given the cluster.
-    u: f64,
+    drawn: Drawn,
     /// What it sends to the viewer over its probability, given the cluster; 0 where no light was found.
     estimate: DVec3,
 }
@@ -27,6 +35,7 @@ struct Sample {
 /// What is known while one point's cut is sampled and refined.
 pub(super) struct RunningTotal<'a, 'e, E> {
     tree: &'a LightTree,
+    lights: &'a LightSet,
     weights: NodeWeights,
     x: &'a GatherPoint,
     /// Greatest BRDF × cosine at the point, sr⁻¹.
@@ -38,6 +47,7 @@ pub(super) struct RunningTotal<'a, 'e, E> {
 impl<'a, 'e, E: LightEval> RunningTotal<'a, 'e, E> {
     pub(super) fn new(
         tree: &'a LightTree,
+        lights: &'a LightSet,
         weights: NodeWeights,
         x: &'a GatherPoint,
         eval: &'e mut E,
@@ -46,6 +56,7 @@ impl<'a, 'e, E: LightEval> RunningTotal<'a, 'e, E> {
         let reflection = f64::from(Reflection::of(x).greatest());
         Self {
             tree,
+            lights,
             weights,
             x,
             reflection,
@@ -76,10 +87,13 @@ impl<'a, 'e, E: LightEval> RunningTotal<'a, 'e, E> {
             let receiver = &self.x.receiver;
             let chosen = self
                 .tree
-                .choose_child(self.weights, receiver, worst.key, worst.sample);
+                .choose_child(self.weights, receiver, worst.key, worst.sample.u);
             for child in [first, NodeId(first.0 + 1)] {
                 let kept = chosen.filter(|c| c.child == child).map(|c| Sample {
-                    u: c.u,
+                    drawn: Drawn {
+                        u: c.u,
+                        ..worst.sample
+                    },
                     estimate: worst.estimate * c.pmf,
                 });
                 self.push(cut, child, kept);
@@ -94,15 +108,15 @@ impl<'a, 'e, E: LightEval> RunningTotal<'a, 'e, E> {
         if bound == 0.0 {
             return;
         }
-        let Sample { u, estimate } = sample.unwrap_or_else(|| self.draw(id));
+        let Sample { drawn, estimate } = sample.unwrap_or_else(|| self.draw(id));
         // One light is its own exact estimate.
         if self.tree.node(id).light().is_some() {
-            cut.add_exact(estimate);
+            cut.add_exact(estimate, drawn.is_source);
         } else {
             cut.add(Cluster {
                 bound,
                 key: id,
-                sample: u,
+                sample: drawn,
                 estimate,
             });
         }
@@ -113,15 +127,21 @@ impl<'a, 'e, E: LightEval> RunningTotal<'a, 'e, E> {
         let u = self.rng.f64();
         let drawn = self.tree.select(self.weights, &self.x.receiver, id, u);
         self.eval.mark(Phase::Select);
-        let estimate = match drawn {
-            Some(s) => self.eval.radiance(self.x, s.light).as_dvec3() / s.pmf,
+        let (estimate, is_source) = match drawn {
+            Some(s) => (
+                self.eval.radiance(self.x, s.light).as_dvec3() / s.pmf,
+                self.lights.is_source(s.light),
+            ),
             None => {
                 self.eval.count_dead();
-                DVec3::ZERO
+                (DVec3::ZERO, false)
             }
         };
         self.eval.mark(Phase::Evaluate);
-        Sample { u, estimate }
+        Sample {
+            drawn: Drawn { u, is_source },
+            estimate,
+        }
     }
 }
 

@@ -138,6 +138,7 @@ mod tests {
     use crate::method::fixtures::{all_lights, at};
     use crate::method::{Method, StochasticLightcuts, StochasticLightcutsSpec};
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
+    use glam::DVec3;
     use light_tree::TreeBuilder;
     use sampling::Rng;
     use scene::trace::Tracer;
@@ -193,6 +194,7 @@ mod tests {
                 queue.end_point();
             }
             let (_, sums) = queue.finish();
+            let sums: Vec<DVec3> = sums.iter().map(|sum| sum.radiance).collect();
             for (x, sums) in seven.iter().zip(sums.chunks_exact(SAMPLES as usize)) {
                 let exact: Vec<_> = (0..200)
                     .map(|sample| at(&all_lights(&inputs), &inputs, &tracer, shape, x, sample).0)

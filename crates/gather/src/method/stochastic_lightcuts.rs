@@ -3,7 +3,7 @@
 //! Source: Yuksel, "Stochastic Lightcuts", High-Performance Graphics 2019, and its supplement. Kept as
 //! published: other methods are measured against it.
 
-use light_tree::{Cut, DeadBranch, LightTree, NodeWeights, Selector};
+use light_tree::{Cut, DeadBranch, LightSet, LightTree, NodeWeights, Selector};
 use sampling::Rng;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -27,6 +27,7 @@ use crate::tile_points::TilePoints;
 pub struct StochasticLightcuts<'a> {
     spec: StochasticLightcutsSpec,
     tree: Option<&'a LightTree>,
+    lights: &'a LightSet,
 }
 
 /// Settings of [`StochasticLightcuts`].
@@ -158,6 +159,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         Self {
             spec: spec.clone(),
             tree: inputs.tree(),
+            lights: &inputs.lights,
         }
     }
 
@@ -198,9 +200,9 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         let weights = self.spec.weights.node_weights();
         let size = self.spec.cut.get() as usize;
         if let Stopping::RunningTotal(RunningTotalSpec { error }) = self.spec.stopping {
-            let mut running = RunningTotal::new(tree, weights, x, eval, rng);
+            let mut running = RunningTotal::new(tree, self.lights, weights, x, eval, rng);
             running.refine(sampled, size, error.get());
-            eval.add_radiance(x, sampled.sum());
+            eval.add_radiance(x, sampled.sum(|cluster| cluster.sample.is_source));
             return;
         }
         let dead_branch = self.spec.dead_branch();

@@ -94,7 +94,7 @@ impl Tile {
 
 impl Features {
     fn save(&self, to: &mut dyn Write) -> Result<()> {
-        let vectors = [self.albedo, self.normal];
+        let vectors = [self.albedo, self.normal, self.direct];
         for value in vectors.iter().flat_map(|v| v.to_array()) {
             to.write_all(&value.to_le_bytes())?;
         }
@@ -107,13 +107,15 @@ impl Features {
         Ok(Self {
             albedo: DVec3::new(value()?, value()?, value()?),
             normal: DVec3::new(value()?, value()?, value()?),
+            direct: DVec3::new(value()?, value()?, value()?),
             depth: value()?,
             hits: u32::from_le_bytes(take(from)?),
         })
     }
 
     fn is_sound(&self, samples: u32) -> bool {
-        let finite = self.albedo.is_finite() && self.normal.is_finite() && self.depth.is_finite();
+        let vectors = [self.albedo, self.normal, self.direct];
+        let finite = vectors.iter().all(|v| v.is_finite()) && self.depth.is_finite();
         finite && self.hits <= samples
     }
 }

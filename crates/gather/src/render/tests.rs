@@ -280,3 +280,74 @@ fn a_scene_without_lights_is_black_and_sound() {
     }
     assert!(inputs.built_tree().is_none(), "no lights, no tree");
 }
+
+/// Mean of all pixels and channels.
+fn mean(layer: &[Vec3]) -> f64 {
+    let sum: f64 = layer.iter().map(|c| c.as_dvec3().element_sum()).sum();
+    sum / (3 * layer.len()) as f64
+}
+
+#[test]
+fn every_method_tells_direct_light_from_indirect() {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let with_virtual = |sources: u32| {
+        let mut set = lights(sources);
+        for i in 0..20 {
+            set.push_virtual(&light_tree::VirtualLight {
+                position: Vec3::new(0.3 * i as f32 - 3.0, 1.5, -1.0),
+                normal: Vec3::NEG_Y,
+                intensity: Vec3::splat(0.7),
+                gloss: None,
+            });
+        }
+        set.set_radius(0.1);
+        Inputs::new(set, TreeBuilder::Binned)
+    };
+    let both = with_virtual(40);
+    let alone = Inputs::new(lights(40), TreeBuilder::Binned);
+    let picture = |inputs: &Inputs, method: &MethodSpec, spp: u32| {
+        let spec = RenderSpec { spp, ..spec() };
+        let mut render = Render::new(&scene, &tracer, inputs, method, spec);
+        while render.pass(&|_| ()).is_some() {}
+        render.picture()
+    };
+    let all_lights = &MethodSpec::all()[0];
+    let truth = picture(&alone, all_lights, 16).radiance;
+    let running = StochasticLightcutsSpec {
+        stopping: crate::method::Stopping::RunningTotal(Default::default()),
+        ..Default::default()
+    };
+    let mut methods = MethodSpec::all();
+    methods.push(MethodSpec::StochasticLightcuts(running));
+    for method in &methods {
+        let found = picture(&both, method, 16);
+        let parts = found.direct.iter().zip(&found.indirect);
+        for ((direct, indirect), all) in parts.zip(&found.radiance) {
+            let off = (direct + indirect - all).abs().max_element();
+            assert!(
+                off <= 1e-6 * all.max_element(),
+                "{method:?}: {direct} and {indirect} are not {all}"
+            );
+        }
+        let ratio = mean(&found.direct) / mean(&truth);
+        assert!((0.9..1.1).contains(&ratio), "{method:?}: direct × {ratio}");
+        let share = mean(&found.indirect) / mean(&found.radiance);
+        assert!((0.01..0.5).contains(&share), "{method:?}: indirect {share}");
+
+        let sources = picture(&alone, method, 2);
+        assert_eq!(
+            sources.direct, sources.radiance,
+            "{method:?}: all is direct"
+        );
+        assert!(
+            sources.indirect.iter().all(|c| *c == Vec3::ZERO),
+            "{method:?}: nothing is indirect"
+        );
+        let none = picture(&with_virtual(0), method, 2);
+        assert!(
+            none.direct.iter().all(|c| *c == Vec3::ZERO),
+            "{method:?}: nothing is direct"
+        );
+    }
+}

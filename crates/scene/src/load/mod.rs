@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 use crate::{CameraSpec, Emitter, LoadNotes, Material, Mesh, Scene, SceneError, Texture};
 use scene_file::SceneFile;
+pub use scene_file::SoundCamera;
 use source::Source;
 pub use source::{SCENE_FOLDER, expand};
 

@@ -16,7 +16,7 @@ pub(super) struct SceneFile {
     pub(super) metres_per_unit: Scale,
     /// Else the one of a geometry file.
     #[serde(default)]
-    pub(super) camera: Option<Camera>,
+    pub(super) camera: Option<SoundCamera>,
     pub(super) lights: Vec<LightEntry>,
 }
 
@@ -166,10 +166,11 @@ number!(
     FieldOfView, |x| x > 0.0 && x < 180.0, "degrees above 0 and below 180"
 );
 
-/// A camera that has a view.
+/// A camera that has a view: its numbers are in range, its points differ, and `up` is across. The checks are made while
+/// it is read.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "CameraFields")]
-pub(super) struct Camera(pub(super) CameraSpec);
+pub struct SoundCamera(pub CameraSpec);
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename = "CameraSpec")]
@@ -180,7 +181,7 @@ struct CameraFields {
     fov_y_deg: FieldOfView,
 }
 
-impl TryFrom<CameraFields> for Camera {
+impl TryFrom<CameraFields> for SoundCamera {
     type Error = String;
     fn try_from(fields: CameraFields) -> Result<Self, String> {
         let (origin, target, up) = (fields.origin.0, fields.target.0, fields.up.0);
