@@ -141,7 +141,11 @@ fn shards_put_together_are_the_whole_to_the_byte() {
     );
 
     let missing = folder.run("merge out/p1.exr out/p2.exr --out none.exr");
-    missing.exits(2).says(&["a shard is missing"]);
+    missing
+        .exits(2)
+        .says(&["shard 3/3 is missing", "--shard 3/3"]);
+    let missing = folder.run("merge out/p2.exr --out none.exr");
+    missing.exits(2).says(&["shards 1/3, 3/3 are missing"]);
     let twice = folder.run("merge out/p1.exr out/p2.exr out/p1.exr --out none.exr");
     twice.exits(2).says(&["both have samples"]);
     assert!(!folder.exists("none.exr"), "a failed merge writes nothing");
@@ -585,6 +589,77 @@ fn help_and_version_go_to_stdout() {
     let help = folder.run("render --help").fine().stdout;
     for part in ["all-lights", "--resume", "--max-seconds"] {
         assert!(help.contains(part), "{part} in {help}");
+    }
+}
+
+#[test]
+fn annotated_files_are_printed_and_can_be_used() {
+    let folder = Folder::with_room();
+    let scene = folder.run("config scene").fine().stdout;
+    assert!(scene.contains("lumens_per_watt"), "{scene}");
+    let run = folder.run("config run").fine().stdout;
+    folder.write("whole.ron", run.replace("scene.ron\"", "scene/scene.ron\""));
+    folder.run("check whole.ron --size 8x8").fine();
+    let experiment = folder.run("config experiment").fine().stdout;
+    assert!(experiment.contains("standard_error"), "{experiment}");
+}
+
+#[test]
+fn completions_and_man_pages_know_every_command() {
+    let commands = ["render", "check", "experiment", "compare", "merge", "scene"];
+    let folder = Folder::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = folder.run(&format!("completions {shell}")).fine().stdout;
+        for word in commands.iter().chain(&["max-seconds", "all-lights"]) {
+            assert!(script.contains(word), "{word} in {shell}'s");
+        }
+    }
+    let page = folder.run("man").fine().stdout;
+    assert!(page.contains(".TH manylight 1"), "{page}");
+    folder.run("man --out man").fine();
+    for name in commands {
+        let file = format!("man/manylight-{name}.1");
+        let page = String::from_utf8(folder.read(&file)).expect("text");
+        assert!(page.contains("manylight") && page.contains(".SH"), "{page}");
+    }
+    assert!(folder.exists("man/manylight.1"), "the program's own");
+}
+
+#[test]
+fn misspelt_names_are_answered_with_the_nearest() {
+    let folder = Folder::with_room();
+    for (line, near) in [
+        ("rendr room.ron", "'render'"),
+        ("render room.ron --method lightcutz", "'lightcuts'"),
+        ("render room.ron --max-second 3", "'--max-seconds'"),
+        ("scene naive --out x", "'nave'"),
+        ("render room.ron --set image.widht=3", "`width`"),
+        ("render room.ron --set method=Lightcutz", "`Lightcuts`"),
+    ] {
+        folder.run(line).exits(2).says(&[near]);
+    }
+}
+
+#[test]
+fn errors_are_coloured_only_where_that_is_wanted() {
+    let folder = Folder::new();
+    // A failure of the program's own, and one that clap reports.
+    for line in ["check none.ron", "chekc none.ron"] {
+        for (variables, coloured) in [
+            (&[][..], false),
+            (&["CLICOLOR_FORCE"][..], true),
+            (&["CLICOLOR_FORCE", "NO_COLOR"][..], false),
+        ] {
+            let mut command = folder.command(line);
+            for name in ["CLICOLOR_FORCE", "NO_COLOR", "CLICOLOR"] {
+                command.env_remove(name);
+            }
+            command.envs(variables.iter().map(|name| (name, "1")));
+            let said = command.output().expect("the binary starts").stderr;
+            let said = String::from_utf8(said).expect("UTF-8");
+            assert_eq!(said.contains('\x1b'), coloured, "{variables:?}: {said:?}");
+            assert!(said.contains("error:"), "{said:?}");
+        }
     }
 }
 

@@ -5,16 +5,19 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args, Parser, Subcommand};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use gather::{MethodSpec, Shard};
 use ron_file::Override;
 
+use crate::help::{self, examples};
 use crate::job::{Extent, Samples};
 use crate::limits::Bytes;
 
 /// A many-light renderer: a million virtual lights, one light tree, and every method that draws from it.
 #[derive(Debug, Parser)]
-#[command(version, about, arg_required_else_help = true)]
+#[command(version, about, arg_required_else_help = true, after_help = examples::ALL)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -24,43 +27,63 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Render a picture: writes NAME.exr, NAME.png and NAME.json
+    #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
     /// Show the picture refining on a page on this machine, from any camera and by any method
+    #[command(after_help = examples::VIEW)]
     View(ViewArgs),
     /// Read everything a render would read and say what it needs, without rendering
+    #[command(after_help = examples::CHECK)]
     Check(CheckArgs),
     /// Render a matrix of scenes, lights, methods, budgets and seeds: writes tables, plots and a page
+    #[command(after_help = examples::EXPERIMENT)]
     Experiment(ExperimentArgs),
     /// Print error figures of an EXR against a reference
+    #[command(after_help = examples::COMPARE)]
     Compare(CompareArgs),
     /// Combine the shards of one render into the whole picture
+    #[command(after_help = examples::MERGE)]
     Merge(MergeArgs),
     /// Write a built-in scene as files
+    #[command(after_help = examples::SCENE)]
     Scene(SceneArgs),
+    /// Print a file with every field, its default, its range and what it means
+    #[command(after_help = examples::CONFIG)]
+    Config(ConfigArgs),
+    /// Print a script that completes command lines
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(CompletionsArgs),
+    /// Print the man page, or write one for each command
+    #[command(after_help = examples::MAN)]
+    Man(ManArgs),
 }
+
+const PICTURE: &str = "What is rendered";
+const RESULTS: &str = "Results";
+const COURSE: &str = "Limits, and going on";
 
 /// A run file and what overrides it.
 #[derive(Debug, Args)]
 pub(crate) struct JobArgs {
     /// Run file (RON)
     pub(crate) config: PathBuf,
-    /// Method, with its default settings: see `manylight render --help`
-    #[arg(long, value_name = "NAME", long_help = method_help())]
-    pub(crate) method: Option<String>,
+    /// Method, with its default settings
+    #[arg(long, value_name = "NAME", value_parser = method(), help_heading = PICTURE)]
+    pub(crate) method: Option<MethodSpec>,
     /// Picture size in pixels, such as 480x270
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = PICTURE)]
     pub(crate) size: Option<[u32; 2]>,
     /// Samples a pixel
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_samples)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_samples, help_heading = PICTURE)]
     pub(crate) spp: Option<u32>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, help_heading = PICTURE)]
     pub(crate) seed: Option<u64>,
     /// Set any field of the run file to a RON value, such as lights.count=2000; repeatable
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    #[arg(long = "set", value_name = "PATH=VALUE", help_heading = PICTURE)]
     pub(crate) overrides: Vec<Override>,
     /// Refuse to begin what would need more memory than this, such as 8GB; what is free when not given
-    #[arg(long, value_name = "SIZE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, help_heading = COURSE)]
     pub(crate) max_memory: Option<Bytes>,
 }
 
@@ -69,36 +92,36 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) job: JobArgs,
     /// Stop after the pass in which this many seconds of rendering fall, those before --resume included
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_seconds, help_heading = COURSE)]
     pub(crate) max_seconds: Option<f64>,
     /// Threads; all processors when not given
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads, help_heading = COURSE)]
     pub(crate) threads: Option<u16>,
     /// Folder for the results
-    #[arg(long, value_name = "DIR", default_value = "out")]
+    #[arg(long, value_name = "DIR", default_value = "out", help_heading = RESULTS)]
     pub(crate) out: PathBuf,
     /// Name of the results; the run file's when not given
-    #[arg(long, value_name = "NAME", value_parser = parse_name)]
+    #[arg(long, value_name = "NAME", value_parser = parse_name, help_heading = RESULTS)]
     pub(crate) name: Option<String>,
     /// Render only the I-th of N parts, from 1; `manylight merge` puts them together
-    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    #[arg(long, value_name = "I/N", value_parser = parse_shard, help_heading = COURSE)]
     pub(crate) shard: Option<Shard>,
     /// Go on from NAME.state, which an interrupted or time-limited render left in the folder for results; the
     /// bits are those of a render without interruption. Without such a file, begin from the start
-    #[arg(long)]
+    #[arg(long, help_heading = COURSE)]
     pub(crate) resume: bool,
     /// Say nothing but errors
-    #[arg(long)]
+    #[arg(long, help_heading = RESULTS)]
     pub(crate) quiet: bool,
     /// Picture to measure the error against, after every pass
-    #[arg(long, value_name = "R.exr")]
+    #[arg(long, value_name = "R.exr", help_heading = RESULTS)]
     pub(crate) reference: Option<PathBuf>,
     /// Write NAME.denoised.exr and .png as well, by Intel Open Image Denoise: for a program built with `--features
     /// denoise`, where that library is
-    #[arg(long, conflicts_with = "shard")]
+    #[arg(long, conflicts_with = "shard", help_heading = RESULTS)]
     pub(crate) denoise: bool,
     /// Show the picture in the tev viewer that listens there, after every pass
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", help_heading = RESULTS)]
     pub(crate) tev: Option<String>,
 }
 
@@ -171,7 +194,7 @@ pub(crate) struct MergeArgs {
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
     /// Name of the scene
-    #[arg(required_unless_present = "list")]
+    #[arg(required_unless_present = "list", value_parser = PossibleValuesParser::new(procedural::NAMES))]
     pub(crate) name: Option<String>,
     /// Folder to write it to
     #[arg(long, value_name = "DIR", required_unless_present = "list")]
@@ -181,12 +204,43 @@ pub(crate) struct SceneArgs {
     pub(crate) list: bool,
 }
 
-fn method_help() -> String {
-    let names: Vec<_> = MethodSpec::all().iter().map(MethodSpec::name).collect();
-    format!(
-        "Method, with its default settings: {}, or best",
-        names.join(", ")
-    )
+#[derive(Debug, Args)]
+pub(crate) struct ConfigArgs {
+    /// Which kind of file
+    pub(crate) kind: FileKind,
+}
+
+/// A kind of RON file.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum FileKind {
+    /// How a scene is rendered: `manylight render`
+    Run,
+    /// Geometry, camera and lights: `scene.ron`
+    Scene,
+    /// A matrix of renders: `manylight experiment`
+    Experiment,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompletionsArgs {
+    /// Whose script
+    pub(crate) shell: Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ManArgs {
+    /// Folder for manylight.1, manylight-render.1 and so on
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// The method of a name, with a suggestion where there is none.
+fn method() -> impl TypedValueParser<Value = MethodSpec> {
+    PossibleValuesParser::new(help::methods()).map(|name| {
+        let named = MethodSpec::all().into_iter().find(|m| m.name() == name);
+        // The only other name is `best`.
+        named.unwrap_or_default()
+    })
 }
 
 /// `480x270`.
@@ -260,7 +314,7 @@ fn parse_limit(text: &str) -> Result<f64, String> {
 }
 
 /// `2/3`: the second of three.
-fn parse_shard(text: &str) -> Result<Shard, String> {
+pub(crate) fn parse_shard(text: &str) -> Result<Shard, String> {
     let parts = text
         .split_once('/')
         .and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));

@@ -12,6 +12,9 @@ use crate::args::JobArgs;
 use crate::error::CliError;
 use crate::limits::MemoryLimit;
 
+/// A run file with every field, its default, its range and what it means.
+pub(crate) const ANNOTATED: &str = include_str!("annotated/run.ron");
+
 /// A run file as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -331,8 +334,8 @@ impl Job {
     /// own camera and lights, rendered with virtual lights and else by default.
     pub(crate) fn read(arguments: &JobArgs) -> Result<Self, CliError> {
         let mut overrides = Vec::new();
-        if let Some(name) = &arguments.method {
-            let value = format!("{}()", method_variant(name)?);
+        if let Some(method) = &arguments.method {
+            let value = format!("{}()", method.variant());
             overrides.push(Override {
                 path: "method".into(),
                 value,
@@ -471,20 +474,39 @@ fn field_error(arguments: &JobArgs, field: &str, message: &str) -> CliError {
     })
 }
 
-/// The variant that a command-line name stands for.
-fn method_variant(name: &str) -> Result<&'static str, CliError> {
-    if name == "best" {
-        return Ok(MethodSpec::default().variant());
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<JobSpec, RonError> {
+        let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
+        ron_file::parse("run.ron", text, &[], &bare)
     }
-    let all = MethodSpec::all();
-    match all.iter().find(|m| m.name() == name) {
-        Some(method) => Ok(method.variant()),
-        None => {
-            let names: Vec<_> = all.iter().map(MethodSpec::name).collect();
-            Err(CliError::Input(format!(
-                "--method: found {name}; expected {}, or best",
-                names.join(", ")
-            )))
+
+    #[test]
+    fn the_annotated_run_file_says_what_the_types_hold() {
+        let parse = |text: &str| read(text).map(|_| ()).map_err(|error| error.to_string());
+        let found = verify::annotated(ANNOTATED, "", &parse);
+        assert_eq!(found.complaints, Vec::<String>::new(), "complaints");
+        // Its values are the defaults, and so are those of each choice.
+        let shown = read(ANNOTATED).unwrap_or_else(|e| panic!("{e}"));
+        let bare = read("(scene: \"scene.ron\")").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(format!("{shown:?}"), format!("{bare:?}"), "defaults");
+        let forms: Vec<JobSpec> = found.forms.iter().filter_map(|f| read(f).ok()).collect();
+        for method in MethodSpec::all() {
+            let is_shown = forms.iter().any(|form| form.method == method);
+            assert!(is_shown, "{} with its defaults", method.variant());
         }
+        for lights in [
+            LightsSpec::Virtual(VirtualSpec::default()),
+            LightsSpec::Virtual(VirtualSpec {
+                kind: VirtualKind::Vpl(VplSpec::default()),
+                ..VirtualSpec::default()
+            }),
+        ] {
+            assert!(forms.iter().any(|form| form.lights == lights), "{lights:?}");
+        }
+        let path = IntegratorSpec::Path(PathSpec::default());
+        assert!(forms.iter().any(|form| form.integrator == path), "{path:?}");
     }
 }

@@ -10,6 +10,7 @@ mod experiment;
 mod fingerprint;
 #[cfg(test)]
 mod fuzz;
+mod help;
 mod interrupt;
 mod job;
 mod limits;
@@ -28,6 +29,7 @@ mod write_scene;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::builder::styling::AnsiColor;
 
 use args::{Arguments, Command};
 use error::CliError;
@@ -41,6 +43,9 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Scene(arguments) => write_scene::run(&arguments),
+        Command::Config(arguments) => help::config(&arguments),
+        Command::Completions(arguments) => help::completions(arguments.shell),
+        Command::Man(arguments) => help::man(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -48,7 +53,11 @@ fn main() -> ExitCode {
             match &error {
                 // Asked for, and no error.
                 CliError::Interrupted(message) => eprintln!("{message}"),
-                _ => eprintln!("error: {error}"),
+                // As clap writes its own: coloured on terminals alone, and not against NO_COLOR.
+                _ => {
+                    let style = AnsiColor::Red.on_default().bold();
+                    anstream::eprintln!("{style}error:{style:#} {error}");
+                }
             }
             ExitCode::from(error.exit_code())
         }

@@ -1,17 +1,25 @@
 //! `manylight merge`.
 
-use film::{Exposure, Metadata, Picture};
+use std::collections::BTreeSet;
 
-use crate::args::MergeArgs;
+use film::{Exposure, FilmError, Metadata, Picture};
+use gather::Shard;
+
+use crate::args::{MergeArgs, parse_shard};
 use crate::error::CliError;
 use crate::output::check_file;
+
+/// The attribute of an EXR that says which shard it is: `2/3`.
+pub(crate) const SHARD: &str = "shard";
 
 pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     check_file(&arguments.out)?;
     let mut parts = Vec::new();
+    let mut shards = Vec::new();
     let mut metadata: Option<Metadata> = None;
     for path in &arguments.shards {
-        let (picture, found) = Picture::read_exr(path)?;
+        let (picture, mut found) = Picture::read_exr(path)?;
+        shards.extend(taken_out(&mut found));
         match &metadata {
             Some(first) if content(first) != content(&found) => {
                 let pairs = content(first).into_iter().zip(content(&found));
@@ -29,10 +37,43 @@ pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
         }
         parts.push((path.display().to_string(), picture));
     }
-    let whole = Picture::merge(&parts)?;
+    let whole = Picture::merge(&parts).map_err(|error| match error {
+        FilmError::MergeMissing { .. } => missing(error, &shards),
+        error => error.into(),
+    })?;
     whole.write_exr(&arguments.out, &metadata.unwrap_or_default())?;
     whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
     Ok(())
+}
+
+/// Which shard the metadata tell of, without which they are those of the whole picture.
+fn taken_out(metadata: &mut Metadata) -> Option<Shard> {
+    let texts = &mut metadata.texts;
+    let at = texts.iter().position(|(name, _)| name == SHARD)?;
+    parse_shard(&texts.remove(at).1).ok()
+}
+
+/// An error that names the shards that are missing, if those that are there tell.
+fn missing(error: FilmError, shards: &[Shard]) -> CliError {
+    let counts: BTreeSet<u32> = shards.iter().map(|shard| shard.count).collect();
+    let Some(&count) = counts.first().filter(|_| counts.len() == 1) else {
+        return error.into();
+    };
+    let there: BTreeSet<u32> = shards.iter().map(|shard| shard.index).collect();
+    let absent: Vec<String> = (0..count)
+        .filter(|index| !there.contains(index))
+        .map(|index| Shard { index, count }.to_string())
+        .collect();
+    match absent.as_slice() {
+        [] => error.into(),
+        [one] => CliError::Input(format!(
+            "shard {one} is missing; expected all {count}: render it with --shard {one}"
+        )),
+        many => CliError::Input(format!(
+            "shards {} are missing; expected all {count}: render each with --shard",
+            many.join(", ")
+        )),
+    }
 }
 
 /// All but where the scene was and how the run file was written: shards may come from several machines, `scene_content`

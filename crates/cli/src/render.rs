@@ -12,6 +12,7 @@ use crate::denoise::denoiser;
 use crate::error::CliError;
 use crate::interrupt;
 use crate::job::Job;
+use crate::merge;
 use crate::output::Output;
 use crate::prepared::{self, LoadedScene, Prepared, PreparedLights};
 use crate::progress::Progress;
@@ -148,7 +149,11 @@ fn render(arguments: &RenderArgs, job: &Job, progress: &mut Progress) -> Result<
     }
     let started = Instant::now();
     let picture = render.picture();
-    let metadata = report::metadata(job, &prepared.loaded.scene, render.spp());
+    let mut metadata = report::metadata(job, &prepared.loaded.scene, render.spp());
+    if let Some(shard) = arguments.shard {
+        let shard = (merge::SHARD.to_owned(), shard.to_string());
+        metadata.texts.push(shard);
+    }
     let written = picture
         .write_exr(&output.exr, &metadata)
         .and_then(|()| picture.write_png(&output.png, Exposure::Auto));

@@ -32,10 +32,7 @@ impl Subject {
     pub(crate) fn of(job: &Job, scene: &Scene, shard: Shard) -> Self {
         let mut list = vec![
             ("size".to_owned(), format!("{}x{}", job.width, job.height)),
-            (
-                "shard".to_owned(),
-                format!("{}/{}", shard.index + 1, shard.count),
-            ),
+            ("shard".to_owned(), shard.to_string()),
         ];
         let elsewhere = |name: &str| name == "spp" || name == "scene";
         list.extend(

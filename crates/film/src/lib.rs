@@ -7,6 +7,24 @@
 //! - [`compare`] gives error figures, FLIP among them; [`Bias`] says which part of an error is not noise, and
 //!   [`Flicker`] how an error changes from frame to frame.
 //! - [`write_atomically`] is the one door through which files leave: whole or not at all.
+//!
+//! ```
+//! use glam::Vec3;
+//! use manylight_film::{Image, PixelStats, compare};
+//!
+//! let mut pixel = PixelStats::default();
+//! for sample in [0.5, 1.0, 1.5] {
+//!     assert!(pixel.add(Vec3::splat(sample)), "a finite sample counts");
+//! }
+//! assert_eq!(pixel.mean(), Vec3::ONE);
+//! assert!((pixel.variance_of_mean().x - 0.25 / 3.0).abs() < 1e-6);
+//!
+//! let reference = Image { width: 16, height: 16, pixels: vec![Vec3::ONE; 256] };
+//! let image = Image { pixels: vec![pixel.mean() * 1.1; 256], ..reference.clone() };
+//! let error = compare(&image, &reference)?;
+//! assert!((error.mean_ratio - 1.1).abs() < 1e-6 && (error.relmse - 0.01 / 1.01).abs() < 1e-6);
+//! # Ok::<(), manylight_film::FilmError>(())
+//! ```
 
 mod atomic;
 mod bias;

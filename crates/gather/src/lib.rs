@@ -4,6 +4,43 @@
 //! [`render`](render::Render) sends eye paths through each pixel, hands every [`GatherPoint`] to the chosen
 //! method, and adds up the light that the method's choices bring. The contribution of one light to one
 //! point, visibility included, is the same code for every method.
+//!
+//! ```
+//! use light_tree::{LightSet, TreeBuilder};
+//! use manylight_gather::{
+//!     Inputs, Integrator, MethodSpec, Render, RenderSpec, Shard, VirtualShape,
+//! };
+//! use scene::trace::Tracer;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("scene.ron");
+//! # std::fs::write(folder.path().join("floor.obj"), "v -5 0 -5\nv -5 0 5\nv 5 0 5\nv 5 0 -5\nf 1 2 3 4\n")?;
+//! # std::fs::write(&path, "(
+//! #     geometry: [\"floor.obj\"],
+//! #     camera: (origin: (0, 3, 8), target: (0, 0, 0), up: (0, 1, 0), fov_y_deg: 45.0),
+//! #     lights: [Point(position: (0, 2, 0), intensity: (4, 4, 4))],
+//! # )")?;
+//! let scene = scene::load::load(&path)?;
+//! let tracer = Tracer::build(&scene);
+//! let mut lights = LightSet::default();
+//! lights.push_point(glam::Vec3::new(0.0, 2.0, 0.0), glam::Vec3::splat(4.0));
+//! let inputs = Inputs::new(lights, TreeBuilder::Binned);
+//! let method = MethodSpec::default();
+//! let spec = RenderSpec {
+//!     width: 32,
+//!     height: 18,
+//!     spp: 4,
+//!     seed: 1,
+//!     shape: VirtualShape::Sphere,
+//!     integrator: Integrator::Direct,
+//!     shard: Shard::ALL,
+//! };
+//! let mut render = Render::new(&scene, &tracer, &inputs, &method, spec);
+//! while render.pass(&|_| {}).is_some() {}
+//! let middle = render.picture().radiance[9 * 32 + 16];
+//! assert!(middle.x > 0.1, "the lamp lights the floor: {middle}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod compensation;
 mod contribution;

@@ -55,6 +55,13 @@ impl Shard {
     pub const ALL: Self = Self { index: 0, count: 1 };
 }
 
+impl std::fmt::Display for Shard {
+    /// As on the command line, from 1: `2/3`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}/{}", self.index + 1, self.count)
+    }
+}
+
 /// What is watched when nobody wants to stop a render.
 static NEVER: AtomicBool = AtomicBool::new(false);
 

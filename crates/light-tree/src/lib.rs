@@ -1,11 +1,4 @@
-//! Light trees: how one light among millions is found for a point in a few hundred nanoseconds.
-//!
-//! A [`LightSet`] holds the lights, a [`LightTree`] the hierarchy over them. For a [`Receiver`]
-//! (a point with a normal) a [`Cut`] splits the tree into up to N clusters by error bound, and
-//! [`LightTree::select`] draws one light from a cluster with a known probability. This crate knows
-//! no scene, no material and no visibility.
-//!
-//! Source: Yuksel, "Stochastic Lightcuts", High-Performance Graphics 2019, and its supplement.
+#![doc = include_str!("../README.md")]
 
 mod bounds;
 mod build;

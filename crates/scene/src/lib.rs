@@ -2,6 +2,30 @@
 //!
 //! [`load`](load::load) turns `scene.ron` and the files it names into a [`Scene`], and checks every
 //! number on the way; what holds a `Scene` need not check again.
+//!
+//! ```
+//! use manylight_scene::Camera;
+//! use manylight_scene::load::load;
+//! use manylight_scene::trace::{Ray, Tracer};
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("scene.ron");
+//! # std::fs::write(folder.path().join("floor.obj"), "v -5 0 -5\nv -5 0 5\nv 5 0 5\nv 5 0 -5\nf 1 2 3 4\n")?;
+//! # std::fs::write(&path, "(
+//! #     geometry: [\"floor.obj\"],
+//! #     camera: (origin: (0, 3, 8), target: (0, 0, 0), up: (0, 1, 0), fov_y_deg: 45.0),
+//! #     lights: [Point(position: (0, 2, 0), intensity: (4, 4, 4))],
+//! # )")?;
+//! // A floor of two triangles, and a lamp above it.
+//! let scene = load(&path)?;
+//! let tracer = Tracer::build(&scene);
+//! let camera = Camera::new(&scene.camera, 64, 36);
+//! let (origin, direction) = (camera.origin(), camera.direction(32.0, 18.0));
+//! let hit = tracer.closest(&Ray { origin, direction, t_max: f32::INFINITY });
+//! let surface = scene.surface(&hit.expect("the floor"), direction);
+//! assert!(surface.ns.y > 0.99, "it looks up");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod brdf;
 mod camera;

@@ -12,13 +12,16 @@
 //! - [`z_test`], [`p_value`], [`critical_z`]: does a mean fit the truth?
 //! - [`normal_fit`]: are z-scores, taken together, those of a sound estimator?
 //! - [`Running`]: mean and variance on the fly.
+//! - [`annotated`]: does a commented file say what the types behind it hold?
 //! - [`Fuzz`]: does what reads files stand what files may hold?
 
+mod annotated;
 mod chi_square;
 mod fuzz;
 mod normal;
 mod running;
 
+pub use annotated::{Annotated, annotated};
 pub use chi_square::{ChiSquare, chi_square};
 pub use fuzz::{Fuzz, Outcome};
 pub use normal::{critical_z, normal_fit, p_value, sidak, z_test};

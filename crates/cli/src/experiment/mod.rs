@@ -28,7 +28,7 @@ use crate::machine::cpu_model;
 use crate::output::check_folder;
 use crate::progress::Progress;
 use run::{Machinery, Run};
-pub(crate) use spec::Spec;
+pub(crate) use spec::{ANNOTATED, Spec};
 
 pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
     let file = &arguments.config;

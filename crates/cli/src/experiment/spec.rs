@@ -7,6 +7,9 @@ use serde::Deserialize;
 use super::budget::Budget;
 use crate::job::{Builder, Extent, IntegratorSpec, LightCount, LightsSpec, Samples};
 
+/// An experiment with every field, its default, its range and what it means.
+pub(crate) const ANNOTATED: &str = include_str!("../annotated/experiment.ron");
+
 /// A file of `configs/experiments/`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -362,16 +365,40 @@ impl Spec {
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Result<Spec, ron_file::RonError> {
+        let bare = crate::job::BARE.iter().chain(MethodSpec::VARIANTS);
+        let bare: Vec<&str> = bare.copied().collect();
+        ron_file::parse("experiment.ron", text, &[], &bare)
+    }
+
+    #[test]
+    fn the_annotated_experiment_says_what_the_types_hold() {
+        let parse = |text: &str| read(text).map(|_| ()).map_err(|error| error.to_string());
+        let found = verify::annotated(ANNOTATED, crate::job::ANNOTATED, &parse);
+        assert_eq!(found.complaints, Vec::<String>::new(), "complaints");
+        assert!(found.forms.len() >= 8, "{} forms", found.forms.len());
+        let bare = "(
+            title: \"Two methods\", image: (width: 320, height: 180),
+            scenes: [(name: \"nave\", scene: \"scene.ron\")],
+            methods: [
+                (name: \"lightcuts\", method: Lightcuts(cut: 10)),
+                (name: \"stochastic\", method: StochasticLightcuts(cut: 10)),
+            ],
+            budgets: [Spp(16)],
+        )";
+        let [shown, bare] =
+            [ANNOTATED, bare].map(|text| read(text).unwrap_or_else(|e| panic!("{e}")));
+        assert_eq!(format!("{shown:?}"), format!("{bare:?}"), "defaults");
+    }
+
     #[test]
     fn the_ready_experiments_are_sound_and_say_what_they_show() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/experiments");
-        let bare = crate::job::BARE.iter().chain(MethodSpec::VARIANTS);
-        let bare: Vec<&str> = bare.copied().collect();
         let mut count = 0;
         for entry in std::fs::read_dir(folder).expect("the folder") {
             let path = entry.expect("an entry").path();
-            let spec: Spec = ron_file::read(&path, &[], &bare).unwrap_or_else(|e| panic!("{e}"));
             let text = std::fs::read_to_string(&path).expect("reads");
+            let spec = read(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
             assert!(
                 text.starts_with("// "),
                 "{}: what does it show?",

@@ -106,7 +106,7 @@ pub(crate) trait Visitor {
 
 /// The list: a file with a [`Method`] and a line here is all that a new method needs.
 macro_rules! methods {
-    ($($variant:ident($type:ident, $spec:ty, $name:literal)),+ $(,)?) => {
+    ($($variant:ident($type:ident, $spec:ty, $name:literal, $about:literal)),+ $(,)?) => {
         /// A method and its settings, as a run file gives them.
         #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
         pub enum MethodSpec {
@@ -135,6 +135,11 @@ macro_rules! methods {
                 match self { $(Self::$variant(_) => $name),+ }
             }
 
+            /// What it does, in a few words.
+            pub fn about(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $about),+ }
+            }
+
             /// [`Method::WHOLE_PIXEL`] of the method.
             pub(crate) fn whole_pixel(&self) -> bool {
                 match self { $(Self::$variant(_) => <$type as Method<'_>>::WHOLE_PIXEL),+ }
@@ -148,15 +153,24 @@ macro_rules! methods {
 }
 
 methods! {
-    AllLights(AllLights, all_lights::AllLightsSpec, "all-lights"),
-    Uniform(Uniform, UniformSpec, "uniform"),
-    Power(Power, PowerSpec, "power"),
-    Importance(Importance, ImportanceSpec, "importance"),
-    Lightcuts(Lightcuts, LightcutsSpec, "lightcuts"),
-    Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional"),
-    AdaptiveSplitting(AdaptiveSplitting, AdaptiveSplittingSpec, "adaptive-splitting"),
-    StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts"),
-    StratifiedLightcuts(StratifiedLightcuts, StratifiedLightcutsSpec, "stratified-lightcuts"),
+    AllLights(AllLights, all_lights::AllLightsSpec, "all-lights",
+        "every light at every point: exact, and slowest"),
+    Uniform(Uniform, UniformSpec, "uniform",
+        "every light alike"),
+    Power(Power, PowerSpec, "power",
+        "lights in proportion to their power"),
+    Importance(Importance, ImportanceSpec, "importance",
+        "every light weighed at every point (Shirley, Wang, Zimmerman 1996)"),
+    Lightcuts(Lightcuts, LightcutsSpec, "lightcuts",
+        "clusters until none can be off by much (Walter et al. 2005); a little biased"),
+    Multidimensional(Multidimensional, MultidimensionalSpec, "multidimensional",
+        "the same for all of a pixel's samples at once (Walter et al. 2006)"),
+    AdaptiveSplitting(AdaptiveSplitting, AdaptiveSplittingSpec, "adaptive-splitting",
+        "a descent by importance, split where lights differ (Conty Estevez, Kulla 2018)"),
+    StochasticLightcuts(StochasticLightcuts, StochasticLightcutsSpec, "stochastic-lightcuts",
+        "one light, drawn by importance, of each cluster of a cut (Yuksel 2019)"),
+    StratifiedLightcuts(StratifiedLightcuts, StratifiedLightcutsSpec, "stratified-lightcuts",
+        "all of a pixel's lights drawn from a shared cut so that they complement each other"),
 }
 
 /// Asks a method whether it is unbiased.

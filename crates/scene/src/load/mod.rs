@@ -29,6 +29,12 @@ pub use scene_file::SoundCamera;
 use source::Source;
 pub use source::{SCENE_FOLDER, expand};
 
+/// A `scene.ron` with every field and every kind of light, and what they mean in comments.
+pub const ANNOTATED: &str = include_str!("annotated.ron");
+
+/// Variants with fields that a `scene.ron` may write without parentheses.
+const BARE: &[&str] = &["Environment", "FromFile"];
+
 /// What geometry files add to.
 #[derive(Debug, Default)]
 struct Parts {
@@ -66,7 +72,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         })?,
     };
     let text = ron_file::text(&shown, &bytes)?;
-    let file: SceneFile = ron_file::parse(&shown, text, &[], &["Environment", "FromFile"])?;
+    let file: SceneFile = ron_file::parse(&shown, text, &[], BARE)?;
     let here = SceneText {
         shown: &shown,
         text,

@@ -207,3 +207,20 @@ impl TryFrom<CameraFields> for SoundCamera {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::{ANNOTATED, BARE};
+
+    #[test]
+    fn the_annotated_scene_says_what_the_types_hold() {
+        let parse = |text: &str| match ron_file::parse::<SceneFile>("scene.ron", text, &[], BARE) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(error.to_string()),
+        };
+        let found = verify::annotated(ANNOTATED, "", &parse);
+        assert_eq!(found.complaints, Vec::<String>::new(), "complaints");
+        assert!(found.forms.len() >= 3, "{} forms", found.forms.len());
+    }
+}
