@@ -365,3 +365,42 @@ fn what_is_over_the_given_memory_is_refused_with_an_estimate() {
     }
     folder.run("check room.ron --max-memory 2GB").fine();
 }
+
+/// 2048 × 2048 texels: 17 MB that stay, and twice that while they are decoded.
+#[cfg(target_os = "linux")]
+#[test]
+fn textures_over_the_given_memory_are_refused_before_they_are_decoded() {
+    let folder = Folder::with_room();
+    folder.write("scene/room.obj", "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl grey\nf 1/1 2/2 3/3\n");
+    folder.write(
+        "scene/room.mtl",
+        "newmtl grey\nKd 1 1 1\nmap_Kd large.png\n",
+    );
+    let large = folder.path("scene/large.png");
+    film::write_rgb8(&large, 2048, 2048, &vec![128; 3 << 22]).unwrap_or_else(|e| panic!("{e}"));
+    let sky = "(geometry: [\"room.obj\"], camera: (origin: (0, 0, 3), target: (0, 0, 0), up: (0, 1, 0), fov_y_deg: 60),
+        lights: [Environment(image: \"large.png\")])";
+    folder.write("scene/sky.ron", sky);
+    for (scene, parts) in [
+        (
+            "scene",
+            [
+                "scene.ron: its textures (1 in all) need about 50.3 MB",
+                "50.0 MB of --max-memory",
+            ],
+        ),
+        (
+            "sky",
+            ["large.png needs about 167.8 MB", "50.0 MB of --max-memory"],
+        ),
+    ] {
+        let small = "--size 8x6 --spp 1 --set lights=AsGiven";
+        let job = format!("room.ron --set scene=\"scene/{scene}.ron\" {small}");
+        let before = folder.files();
+        for command in ["render", "check"] {
+            let ran = folder.run(&format!("{command} {job} --max-memory 50MB"));
+            assert_refused(&folder, &before, &ran, &parts);
+        }
+        folder.run(&format!("check {job} --max-memory 2GB")).fine();
+    }
+}

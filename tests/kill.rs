@@ -4,6 +4,7 @@
 
 mod support;
 
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -65,6 +66,13 @@ fn assert_whole(folder: &Folder) {
     }
 }
 
+/// Temporary files that are left in `out`.
+fn temporary(folder: &Folder) -> Vec<PathBuf> {
+    let mut files = folder.files();
+    files.retain(|path| path.extension().is_some_and(|e| e == "tmp"));
+    files
+}
+
 /// How long the command takes when nobody disturbs it.
 fn time(folder: &Folder, line: &str) -> Duration {
     let begun = Instant::now();
@@ -93,18 +101,66 @@ fn kill_renders(moments: u32) {
         killed >= moments / 2,
         "only {killed} of {moments} were killed"
     );
+    let left = temporary(&folder).len();
     folder.run(&format!("{LINE} --spp {SPP} --resume")).fine();
+    assert_eq!(
+        temporary(&folder),
+        [PathBuf::new(); 0],
+        "what killed renders left"
+    );
     for end in ["exr", "png"] {
         let [went_on, undisturbed] =
             ["room", "whole"].map(|n| folder.read(&format!("out/{n}.{end}")));
         assert!(went_on == undisturbed, "{end} after {killed} kills differs");
     }
-    eprintln!("{killed} renders of {moments} killed while they ran");
+    eprintln!(
+        "{killed} renders of {moments} killed while they ran, {left} temporary files left by the last"
+    );
 }
 
 #[test]
 fn a_render_killed_at_any_moment_leaves_whole_files_and_goes_on_to_the_same_bits() {
     kill_renders(6);
+}
+
+/// A file as a writer of `name` leaves it when it is killed.
+fn leave_half(folder: &Folder, name: &str) {
+    folder.write(&format!("out/.{name}.b0c1d2.tmp"), "half");
+}
+
+#[test]
+fn what_killed_runs_left_is_gone_after_the_next_of_the_same_name() {
+    let folder = Folder::with_room();
+    let tiny = "render room.ron --quiet --size 8x6 --spp 1 --set lights=AsGiven";
+    folder.run(tiny).fine();
+    for end in ["exr", "png", "json", "state"] {
+        leave_half(&folder, &format!("room.{end}"));
+    }
+    leave_half(&folder, "other.exr");
+    folder.run(tiny).fine();
+    let others = folder.path("out/.other.exr.b0c1d2.tmp");
+    assert_eq!(temporary(&folder), [others], "only its own is gone");
+
+    folder.run(&format!("{tiny} --name a --shard 1/2")).fine();
+    folder.run(&format!("{tiny} --name b --shard 2/2")).fine();
+    leave_half(&folder, "whole.exr");
+    folder
+        .run("merge out/a.exr out/b.exr --out out/whole.exr")
+        .fine();
+    assert_eq!(temporary(&folder).len(), 1, "{:?}", temporary(&folder));
+
+    folder.write("e.ron", EXPERIMENT);
+    for name in ["e/results.csv", "e/index.html"] {
+        folder.write(
+            &format!("out/{}", name.replace('/', "/.") + ".b0c1d2.tmp"),
+            "half",
+        );
+    }
+    folder.write("out/e/cells/.0123.exr.b0c1d2.tmp", "half");
+    folder
+        .run("experiment e.ron --quiet --quick --out out/e")
+        .fine();
+    assert_eq!(temporary(&folder).len(), 1, "{:?}", temporary(&folder));
 }
 
 #[test]
@@ -131,6 +187,11 @@ fn kill_experiments(moments: u32) {
         assert_whole(&folder);
         if n % 4 == 3 {
             folder.run(line).fine();
+            assert_eq!(
+                temporary(&folder),
+                [PathBuf::new(); 0],
+                "after {killed} kills"
+            );
             assert_eq!(
                 pictures(&folder, "e"),
                 pictures(&folder, "whole"),

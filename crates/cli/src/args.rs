@@ -159,6 +159,9 @@ pub(crate) struct ExperimentArgs {
     /// Small pictures, few lights, one seed: shows in minutes that it works
     #[arg(long)]
     pub(crate) quick: bool,
+    /// Fail cells that would need more memory than this, such as 8GB; what is free when not given
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true)]
+    pub(crate) max_memory: Option<Bytes>,
     /// Threads of each render; all processors when not given
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
     pub(crate) threads: Option<u16>,

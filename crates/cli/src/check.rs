@@ -12,7 +12,7 @@ use crate::machine::{available_memory, human};
 
 pub(crate) fn run(arguments: &CheckArgs) -> Result<(), CliError> {
     let job = Job::read(&arguments.job)?;
-    let scene = scene::load::load(&job.scene)?;
+    let scene = scene::load::load_within(&job.scene, &|bytes| job.limit.refuse(bytes))?;
     job.limit
         .refuse_triangles(scene.mesh.len())
         .map_err(|message| CliError::Input(format!("{}: {message}", job.scene.display())))?;

@@ -18,7 +18,8 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// Files called `name` in `folder`, which need not exist yet. Leaves nothing behind.
+    /// Files called `name` in `folder`, which need not exist yet. Leaves nothing behind, not even what a render of that
+    /// name left when it was killed.
     ///
     /// # Errors
     /// When the folder cannot be written to, or a file could not take its name.
@@ -28,24 +29,30 @@ impl Output {
             let path = folder.join(format!("{name}.{end}"));
             refuse_folder(&path).map(|()| path)
         };
-        Ok(Self {
+        let output = Self {
             exr: file("exr")?,
             png: file("png")?,
             json: file("json")?,
             denoised_exr: file("denoised.exr")?,
             denoised_png: file("denoised.png")?,
             state: file("state")?,
-        })
+        };
+        for path in [&output.exr, &output.png, &output.json, &output.state] {
+            film::remove_abandoned(path);
+        }
+        Ok(output)
     }
 }
 
-/// Refuses a file that could not be written. Leaves nothing behind.
+/// Refuses a file that could not be written. Leaves nothing behind, not even what a killed writer of it left.
 pub(crate) fn check_file(path: &Path) -> Result<(), CliError> {
     refuse_folder(path)?;
     check_folder(path.parent().unwrap_or(path)).map_err(|error| {
         // The user gave the file and not the folder.
         CliError::Input(format!("{}: {error}", path.display()))
-    })
+    })?;
+    film::remove_abandoned(path);
+    Ok(())
 }
 
 fn refuse_folder(path: &Path) -> Result<(), CliError> {

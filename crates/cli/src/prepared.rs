@@ -37,14 +37,14 @@ impl LoadedScene {
     /// Reads `scene.ron` at `path` and builds the ray hierarchy.
     ///
     /// # Errors
-    /// When the scene cannot be used, or the hierarchy would need more memory than the limit.
+    /// When the scene cannot be used, or its pictures or the hierarchy would need more memory than the limit.
     pub(crate) fn load(
         path: &Path,
         limit: MemoryLimit,
         progress: &Progress,
     ) -> Result<Self, CliError> {
         let started = Instant::now();
-        let scene = scene::load::load(path)?;
+        let scene = scene::load::load_within(path, &|bytes| limit.refuse(bytes))?;
         let load_seconds = started.elapsed().as_secs_f64();
         progress.line(&format!(
             "{}: {} triangles, {} lights, {load_seconds:.2} s",

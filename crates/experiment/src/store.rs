@@ -27,6 +27,14 @@ impl Store {
         &self.folder
     }
 
+    /// Removes what writers that were killed left in it; see [`film::remove_abandoned`].
+    pub fn remove_abandoned(&self) {
+        let below = ["cells", "references", "plots"].map(|name| self.folder.join(name));
+        for folder in below.iter().chain([&self.folder]) {
+            film::remove_all_abandoned(folder);
+        }
+    }
+
     /// `cells/KEY.END`.
     pub fn cell(&self, key: &str, end: &str) -> PathBuf {
         self.folder.join("cells").join(format!("{key}.{end}"))

@@ -1,10 +1,13 @@
 //! Files that appear whole or not at all.
 
 use std::{
+    ffi::OsStr,
     fs,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
+
+use tempfile::NamedTempFile;
 
 use crate::FilmError;
 
@@ -15,7 +18,7 @@ use crate::FilmError;
 /// that name stays untouched. A folder that does not exist is created (and stays, should writing
 /// fail). A symbolic link is followed. The new file has the permissions of any new file.
 ///
-/// The writer is buffered.
+/// The writer is buffered. A process that is killed leaves the temporary file: [`remove_abandoned`].
 ///
 /// # Errors
 ///
@@ -42,19 +45,7 @@ fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) ->
     };
     fs::create_dir_all(folder)?;
 
-    let mut prefix = std::ffi::OsString::from(".");
-    // A name may be as long as the file system allows, so only a part of it goes into the temporary one.
-    prefix.push(name.to_string_lossy().chars().take(32).collect::<String>());
-    prefix.push(".");
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".tmp");
-    #[cfg(unix)]
-    {
-        // Temporary files are private by default, but this one becomes an ordinary file (the umask still applies).
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = temporary(folder, &prefix(name))?;
     let mut writer = BufWriter::with_capacity(1 << 16, file.as_file_mut());
     write(&mut writer)?;
     writer.flush()?;
@@ -62,6 +53,105 @@ fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) ->
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|failed| failed.error)?;
     Ok(())
+}
+
+/// What the names of a file's temporary ones begin with.
+fn prefix(name: &OsStr) -> String {
+    // A name may be as long as the file system allows, so only a part of it goes into the temporary one.
+    let part: String = name.to_string_lossy().chars().take(32).collect();
+    format!(".{part}.")
+}
+
+const SUFFIX: &str = ".tmp";
+
+/// A new file that is locked, so that nobody takes it for abandoned.
+fn temporary(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(SUFFIX);
+    #[cfg(unix)]
+    {
+        // Temporary files are private by default, but this one becomes an ordinary file (the umask still applies).
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    loop {
+        let file = builder.tempfile_in(folder)?;
+        if lock(&file) {
+            return Ok(file);
+        }
+    }
+}
+
+/// Locks a new file until it is closed. `false` when somebody removed it before.
+#[cfg(unix)]
+fn lock(file: &NamedTempFile) -> bool {
+    use rustix::fs::{FlockOperation, flock};
+    use std::os::unix::fs::MetadataExt;
+    // Where files cannot be locked, none is ever found abandoned.
+    let _ = flock(file.as_file(), FlockOperation::LockExclusive);
+    file.as_file().metadata().is_ok_and(|m| m.nlink() > 0)
+}
+
+/// Nothing is ever found abandoned here.
+#[cfg(not(unix))]
+fn lock(_: &NamedTempFile) -> bool {
+    true
+}
+
+/// Removes the temporary files that writers of the file `path` left beside it when they were killed. Those of writers
+/// that live, in whatever process, are locked and stay; and so do all on systems that are not Unix.
+///
+/// What cannot be removed stays as well: nothing depends on it.
+pub fn remove_abandoned(path: &Path) {
+    let Ok(target) = resolve(path) else { return };
+    if let (Some(folder), Some(name)) = (target.parent(), target.file_name()) {
+        sweep(folder, |start| start == prefix(name));
+    }
+}
+
+/// [`remove_abandoned`] for all files in `folder`.
+pub fn remove_all_abandoned(folder: &Path) {
+    sweep(folder, |_| true);
+}
+
+/// Removes abandoned files in `folder` whose names begin with a [`prefix`] that `is_own` knows.
+fn sweep(folder: &Path, is_own: impl Fn(&str) -> bool) {
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let start = name.to_str().and_then(start_of_temporary);
+        if start.is_some_and(&is_own) && is_abandoned(&entry.path()) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// `.NAME.` of a temporary file's name; `None` for other files.
+fn start_of_temporary(name: &str) -> Option<&str> {
+    // Behind it come six letters and digits.
+    let name = name.strip_suffix(SUFFIX)?;
+    let (start, random) = name.split_at_checked(name.len().checked_sub(6)?)?;
+    let is_random = random.bytes().all(|b| b.is_ascii_alphanumeric());
+    let is_start = start.len() > 2 && start.starts_with('.') && start.ends_with('.');
+    (is_random && is_start).then_some(start)
+}
+
+/// Whether no writer holds the file.
+#[cfg(unix)]
+fn is_abandoned(path: &Path) -> bool {
+    use rustix::fs::{FlockOperation, flock};
+    // Links and pipes are none of ours.
+    let is_file = fs::symlink_metadata(path).is_ok_and(|m| m.is_file());
+    let file = fs::File::open(path).ok().filter(|_| is_file);
+    file.is_some_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
+}
+
+#[cfg(not(unix))]
+fn is_abandoned(_: &Path) -> bool {
+    false
 }
 
 /// The file that a rename must replace: links followed, so that a link to a picture stays one.
@@ -144,6 +234,50 @@ mod tests {
         let path = below_a_file.join("picture.exr");
         let error = write_atomically(&path, |w| w.write_all(b"x")).expect_err("below a file");
         assert!(error.to_string().contains("picture.exr"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_a_killed_writer_left_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = folder.path().join("a.exr");
+        let others = [
+            ".a.exr.swp",
+            ".a.exr.b0c1d2.tmp.x",
+            ".a.exr.long-0.tmp",
+            ".a.exr.more.b0c1d2.tmp",
+            ".b.exr.b0c1d2.tmp",
+            "a.exr",
+        ];
+        for name in others.iter().chain(&[".a.exr.b0c1d2.tmp"]) {
+            fs::write(folder.path().join(name), b"half").expect("writes");
+        }
+        remove_abandoned(&path);
+        assert_eq!(names_in(folder.path()), others, "only its own is gone");
+        remove_all_abandoned(folder.path());
+        let left = [
+            ".a.exr.b0c1d2.tmp.x",
+            ".a.exr.long-0.tmp",
+            ".a.exr.swp",
+            "a.exr",
+        ];
+        assert_eq!(names_in(folder.path()), left, "and those of all files");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_file_of_a_writer_at_work_stays() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = folder.path().join("a.exr");
+        write_atomically(&path, |to| {
+            to.write_all(b"whole")?;
+            remove_abandoned(&path);
+            remove_all_abandoned(folder.path());
+            Ok(())
+        })
+        .expect("writes");
+        assert_eq!(fs::read(&path).expect("reads"), b"whole", "contents");
+        assert_eq!(names_in(folder.path()), ["a.exr"], "nothing else");
     }
 
     #[test]

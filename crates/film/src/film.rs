@@ -170,12 +170,12 @@ mod tests {
 
     #[test]
     fn any_samples_agree_with_two_passes() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let count = u.int_in_range(2..=40)?;
             let offset = [0.0, 1.0, 1e8, -1e8][u.int_in_range(0..=3)?];
             let mut samples = Vec::new();
             for _ in 0..count {
-                let mut one = || -> arbtest::arbitrary::Result<f32> {
+                let mut one = || -> verify::arbitrary::Result<f32> {
                     Ok(offset + f32::from(u.arbitrary::<i16>()?))
                 };
                 samples.push(Vec3::new(one()?, one()?, one()?));

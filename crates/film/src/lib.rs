@@ -41,7 +41,7 @@ mod picture;
 mod png;
 
 pub use crate::exr::{Image, read_image};
-pub use atomic::write_atomically;
+pub use atomic::{remove_abandoned, remove_all_abandoned, write_atomically};
 pub use bias::{Bias, Interval, relative_variance};
 #[cfg(feature = "denoise")]
 pub use denoise::{DenoiseError, Denoiser};

@@ -321,11 +321,10 @@ mod tests {
 
     #[test]
     fn scaling_both_images_changes_only_absolute_errors() {
-        arbtest::arbtest(|u| {
-            let mut value = || -> arbtest::arbitrary::Result<f32> {
-                Ok(f32::from(u.arbitrary::<u8>()?) / 16.0)
-            };
-            let mut pixels = || -> arbtest::arbitrary::Result<Vec<Vec3>> {
+        verify::property(1000, |u| {
+            let mut value =
+                || -> verify::arbitrary::Result<f32> { Ok(f32::from(u.arbitrary::<u8>()?) / 16.0) };
+            let mut pixels = || -> verify::arbitrary::Result<Vec<Vec3>> {
                 (0..4)
                     .map(|_| Ok(Vec3::new(value()?, value()?, value()?)))
                     .collect()

@@ -162,10 +162,10 @@ mod tests {
     use crate::contribution::unoccluded;
     use crate::gather_tree::GatherTree;
     use crate::sphere::MOST_STRATEGIES;
-    use arbtest::arbitrary::{Result, Unstructured};
     use light_tree::{Gloss, LightId, Receiver, TreeBuilder, VirtualLight};
     use sampling::{Purpose, Rng};
     use scene::{Emitter, Environment, Fresnel, Material, MaterialId, Scene};
+    use verify::arbitrary::{Result, Unstructured};
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
         Ok(match u.int_in_range(0..=4)? {
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn no_light_of_a_cluster_exceeds_its_bound() {
         let mut lit = 0;
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let (scene, lights) = lights(u)?;
             let x = gather_point(u, &lights)?;
             let shape = match u.int_in_range(0..=3)? {
@@ -383,7 +383,7 @@ mod tests {
     #[test]
     fn no_pairs_of_clusters_exceed_their_bound() {
         let mut lit = 0;
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let (scene, lights) = lights(u)?;
             let near = gather_point(u, &lights)?;
             let mut points = Vec::new();

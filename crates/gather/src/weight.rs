@@ -13,8 +13,9 @@ use crate::vsl::Subtended;
 /// Mean over the channels of what light `id` adds to the pixel sample of `x` if nothing is in the way.
 ///
 /// 0 only where the contribution is. Where a virtual sphere has no closed form, which is when a horizon cuts it or
-/// the surface is glossy, the contribution is random and the weight bounds it: BRDF and both cosines at
-/// their greatest over the cone that the sphere subtends. A triangle or a cell of an environment, of which a point is drawn,
+/// the surface is glossy, the contribution is random and the weight bounds what is expected of it: BRDF and both cosines
+/// at their greatest over the cone that the sphere subtends, but one of the lobes no greater than its mean may be, or a
+/// sphere that a coat's peak falls on would take all samples. A triangle or a cell of an environment, of which a point is drawn,
 /// has its [`rough_weight`], which bounds nothing. `rng` is never drawn from.
 pub(crate) fn unoccluded_weight(
     lights: &LightSet,
@@ -36,13 +37,19 @@ pub(crate) fn unoccluded_weight(
         if x.brdf.is_glossy() || sender.is_some() || !is_whole {
             let reflected = bound_over(&cone, &x.brdf, [x.ns, x.ns], x.wo, cone.axis);
             let emitted = match &sender {
-                None => Vec3::splat(cone.greatest_cos(cos_light)),
+                None => Over::matte(cone.greatest_cos(cos_light)),
                 Some(s) => {
                     let normals = [s.normal, normal];
-                    s.scale * bound_over(&cone, &s.brdf, normals, s.incoming, -cone.axis)
+                    let over = bound_over(&cone, &s.brdf, normals, s.incoming, -cone.axis);
+                    Over {
+                        greatest: s.scale * over.greatest,
+                        mean: s.scale * over.mean,
+                    }
                 }
             };
-            let bound = reflected * emitted * lights.intensity(id) * cone.spread();
+            let both = reflected.greatest * emitted.mean;
+            let both = both.min(reflected.mean * emitted.greatest);
+            let bound = both * lights.intensity(id) * cone.spread();
             return mean(bound * x.strength);
         }
     }
@@ -56,19 +63,44 @@ pub(crate) fn unoccluded_weight(
         .map_or(0.0, |light| mean(light.radiance * x.strength))
 }
 
-/// Greatest BRDF × cosine over the directions of `cone`, whose axis, as seen from the surface that reflects light between it
+/// Bounds of BRDF × cosine over a cone.
+struct Over {
+    /// Of any direction.
+    greatest: Vec3,
+    /// Of the mean: all that a lobe reflects, at most, is in the cone.
+    mean: Vec3,
+}
+
+impl Over {
+    fn matte(greatest: f32) -> Self {
+        Self {
+            greatest: Vec3::splat(greatest),
+            mean: Vec3::splat(greatest),
+        }
+    }
+}
+
+/// BRDF × cosine over the directions of `cone`, whose axis, as seen from the surface that reflects light between it
 /// and unit `wo`, is `axis`. The BRDF is about the first of the normals, the cosine about the second.
-fn bound_over(cone: &Subtended, brdf: &Brdf, [n, m]: [Vec3; 2], wo: Vec3, axis: Vec3) -> Vec3 {
+fn bound_over(cone: &Subtended, brdf: &Brdf, [n, m]: [Vec3; 2], wo: Vec3, axis: Vec3) -> Over {
     let cos_o = n.dot(wo);
-    let mut bound = brdf.diffuse_bound(cos_o) * cone.greatest_cos(m.dot(axis));
+    let diffuse = brdf.diffuse_bound(cos_o) * cone.greatest_cos(m.dot(axis));
+    let mut over = Over {
+        greatest: diffuse,
+        mean: diffuse,
+    };
     if brdf.is_glossy() {
         let lobe = brdf.lobe_bound(cos_o);
         // Without the cosine that the lobe's bound holds for, at its greatest.
         let per_cosine = if n == m { 1.0 } else { lobe.per_cosine };
         let cos_lobe = cone.greatest_cos(Brdf::lobe_axis(n, wo).dot(axis));
-        bound += lobe.value(cos_lobe) * per_cosine;
+        let lobe = lobe.value(cos_lobe);
+        // A coat sends a little of every colour in some direction, however dark it is along the normal.
+        let reflected = brdf.albedo(cos_o).max(Vec3::splat(1e-4));
+        over.greatest += lobe * per_cosine;
+        over.mean += lobe.min(reflected / cone.solid_angle()) * per_cosine;
     }
-    bound
+    over
 }
 
 /// Intensity × cos⁺ at the point / d²: no BRDF, no emission, no geometric normal.

@@ -282,7 +282,7 @@ mod tests {
     use super::*;
     use crate::emission::Profile;
     use crate::light::LightId;
-    use arbtest::arbitrary::{Result, Unstructured};
+    use verify::arbitrary::{Result, Unstructured};
 
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
         Ok(match u.int_in_range(0..=4)? {
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn no_point_of_a_box_exceeds_the_cosine_bound() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let node = boxed(point(u)?, point(u)?);
             let x = point(u)?;
             let n = point(u)?.try_normalize().unwrap_or(Vec3::Z);
@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn no_light_of_a_cluster_exceeds_the_emission_bound() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let node = boxed(point(u)?, point(u)?);
             let x = point(u)?;
             let axes: Vec<Vec3> = (0..3)
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn distances_enclose_every_point() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let node = boxed(point(u)?, point(u)?);
             let x = point(u)?;
             let range = Receiver::new(x, Vec3::Z).distances(&node);

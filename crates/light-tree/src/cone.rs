@@ -110,8 +110,8 @@ fn angle_between(a: Vec3, b: Vec3) -> f64 {
 mod tests {
     use super::*;
 
-    fn unit(u: &mut arbtest::arbitrary::Unstructured<'_>) -> arbtest::arbitrary::Result<Vec3> {
-        let mut c = || -> arbtest::arbitrary::Result<f32> {
+    fn unit(u: &mut verify::arbitrary::Unstructured<'_>) -> verify::arbitrary::Result<Vec3> {
+        let mut c = || -> verify::arbitrary::Result<f32> {
             Ok(match u.int_in_range(0..=4)? {
                 0 => 0.0,
                 1 => 1.0,
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_union_holds_both_cones() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let mut cone = Cone::of(unit(u)?);
             let mut members = vec![cone.axis];
             for _ in 0..u.int_in_range(1..=6)? {

@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_cut_holds_every_light_that_contributes_once() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
             let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn a_cut_for_many_holds_every_light_once_and_is_no_larger() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
             let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_bound_is_never_below_what_its_lights_bring() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
             let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {

@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn every_node_has_the_variance_of_its_lights() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             for builder in TreeBuilder::ALL {
                 let Some(tree) = LightTree::build(&lights, builder) else {

@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_node_is_the_range_of_its_lights() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let builder = *u.choose(&TreeBuilder::ALL)?;
             let Some(tree) = LightTree::build(&lights, builder) else {
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn a_number_draws_the_light_that_the_sums_of_intensity_say() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
                 return Ok(());

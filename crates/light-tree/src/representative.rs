@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_node_has_the_light_of_one_child_and_the_intensity_of_both() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let builder = *u.choose(&TreeBuilder::ALL)?;
             let Some(tree) = LightTree::build(&lights, builder) else {
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn roots_hold_each_light_once_and_are_of_one_kind_each() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let by_kind = u.arbitrary()?;
             let builder = *u.choose(&TreeBuilder::ALL)?;

@@ -336,8 +336,10 @@ impl Draws {
     /// Picks clusters at distances `step` along their weights.
     fn pick(&mut self, cut: &SharedCut, count: u32, u: f64, step: f64) {
         let mut block = 0;
+        // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
+        let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
         for i in 0..count {
-            let at = (f64::from(i) + u) * step;
+            let at = ((f64::from(i) + u) * step).min(end);
             while block + 1 < self.sums.len() && self.sums[block] <= at {
                 block += 1;
             }
@@ -393,14 +395,14 @@ mod tests {
 
     #[test]
     fn a_cut_leaves_no_light_out() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let Some(tree) = wide(&lights) else {
                 return Ok(());
             };
             let receivers: Vec<_> = (0..u.int_in_range(0..=3)?)
                 .map(|_| Ok(receiver(any_receiver(u, &lights)?)))
-                .collect::<arbtest::arbitrary::Result<_>>()?;
+                .collect::<verify::arbitrary::Result<_>>()?;
             let mut cut = SharedCut::default();
             let size = u.int_in_range(1..=40)?;
             cut.refine(&tree, &receivers, size);

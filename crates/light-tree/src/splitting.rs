@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn a_threshold_of_one_draws_every_light_that_contributes_with_certainty() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
             let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {

@@ -1,7 +1,7 @@
 //! Lights and receivers that tests draw, biased to ties, flat boxes and wild magnitudes.
 
-use arbtest::arbitrary::{Result, Unstructured};
 use glam::Vec3;
+use verify::arbitrary::{Result, Unstructured};
 
 use crate::bounds::Receiver;
 use crate::cone::Cone;

@@ -657,7 +657,7 @@ mod tests {
 
     #[test]
     fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
-        arbtest::arbtest(|u| {
+        verify::property(1000, |u| {
             let lights = any_lights(u)?;
             let at = any_receiver(u, &lights)?;
             let Some(tree) = wide(&lights) else {

@@ -516,7 +516,7 @@ fn no_text_makes_it_panic() {
         "b'",
         "\u{FEFF}",
     ];
-    arbtest::arbtest(|u| {
+    verify::property(1000, |u| {
         let mut text = GOOD.to_owned();
         for _ in 0..u.int_in_range(1..=4)? {
             let at = u.choose_index(text.len() + 1)?;

@@ -27,6 +27,8 @@ mod warp;
 pub use alias::AliasTable;
 pub use discrete::Discrete;
 pub use ggx::{ggx_density, ggx_reflected, ggx_visibility, ggx_visible_normal};
+#[cfg(feature = "extreme")]
+pub use rng::Extreme;
 pub use rng::{Purpose, Rng};
 pub use sequence::Sequence;
 pub use warp::{

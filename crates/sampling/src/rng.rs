@@ -30,7 +30,25 @@ pub enum Purpose {
 
 /// A stream of random numbers: rand's portable xoshiro128++, the same on every platform.
 #[derive(Debug, Clone)]
-pub struct Rng(Xoshiro128PlusPlus);
+pub struct Rng(Source);
+
+/// Where a stream's bits come from.
+#[derive(Debug, Clone)]
+enum Source {
+    Random(Xoshiro128PlusPlus),
+    #[cfg(feature = "extreme")]
+    Extreme(Extreme),
+}
+
+/// The least and the greatest of random numbers, for tests of what they lead to.
+#[cfg(feature = "extreme")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extreme {
+    /// 0.
+    Zero,
+    /// The greatest number below 1 of its type.
+    BelowOne,
+}
 
 /// Finaliser of SplitMix64: a bijection of 64-bit words without visible structure.
 fn mix(mut z: u64) -> u64 {
@@ -50,25 +68,47 @@ impl Rng {
         let mut state = [0; 16];
         state[..8].copy_from_slice(&lo.to_le_bytes());
         state[8..].copy_from_slice(&hi.to_le_bytes());
-        Self(Xoshiro128PlusPlus::from_seed(state))
+        Self(Source::Random(Xoshiro128PlusPlus::from_seed(state)))
+    }
+
+    /// A stream that gives the same number for ever.
+    #[cfg(feature = "extreme")]
+    pub fn extreme(number: Extreme) -> Self {
+        Self(Source::Extreme(number))
+    }
+
+    /// Any 64 bits, each pattern alike.
+    #[inline]
+    fn u64(&mut self) -> u64 {
+        match &mut self.0 {
+            Source::Random(random) => random.next_u64(),
+            #[cfg(feature = "extreme")]
+            Source::Extreme(Extreme::Zero) => 0,
+            #[cfg(feature = "extreme")]
+            Source::Extreme(Extreme::BelowOne) => u64::MAX,
+        }
     }
 
     /// Any 32 bits, each pattern alike.
     #[inline]
     pub fn u32(&mut self) -> u32 {
-        self.0.next_u32()
+        match &mut self.0 {
+            Source::Random(random) => random.next_u32(),
+            #[cfg(feature = "extreme")]
+            Source::Extreme(_) => self.u64() as u32,
+        }
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻²⁴; never 1.
     #[inline]
     pub fn f32(&mut self) -> f32 {
-        (self.0.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
+        (self.u32() >> 8) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Uniform in [0, 1), a multiple of 2⁻⁵³; never 1. Deep trees use up the bits of an `f32`.
     #[inline]
     pub fn f64(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+        (self.u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 }
 
@@ -100,6 +140,18 @@ mod tests {
             first, STABLE,
             "changing the stream changes every picture: note it in CHANGELOG.md"
         );
+    }
+
+    #[cfg(feature = "extreme")]
+    #[test]
+    fn extreme_streams_give_the_least_and_the_greatest_numbers() {
+        let mut zero = Rng::extreme(Extreme::Zero);
+        let mut below = Rng::extreme(Extreme::BelowOne);
+        for _ in 0..3 {
+            assert_eq!((zero.u32(), zero.f32(), zero.f64()), (0, 0.0, 0.0));
+            let greatest = (u32::MAX, 1.0f32.next_down(), 1.0f64.next_down());
+            assert_eq!((below.u32(), below.f32(), below.f64()), greatest);
+        }
     }
 
     const STABLE: [u32; 8] = [

@@ -315,7 +315,7 @@ mod tests {
     use super::*;
     use crate::material::Texels;
     use crate::{Channel, Material, TextureId};
-    use sampling::{Purpose, uniform_sphere};
+    use sampling::{Extreme, Purpose, uniform_sphere};
     use verify::chi_square;
 
     const N: Vec3 = Vec3::Y;
@@ -387,6 +387,24 @@ mod tests {
             }
         }
         all
+    }
+
+    #[test]
+    fn extreme_random_numbers_give_unit_directions_and_finite_weights() {
+        for brdf in brdfs() {
+            for wo in viewers() {
+                for number in [Extreme::Zero, Extreme::BelowOne] {
+                    let Some(sample) = brdf.sample(N, wo, &mut Rng::extreme(number)) else {
+                        continue;
+                    };
+                    let BrdfSample { wi, weight } = sample;
+                    let told = || format!("{brdf:?}, {wo}, {number:?}: {sample:?}");
+                    assert!(wi.is_normalized() && wi.dot(N) > 0.0, "{}", told());
+                    let sound = weight.is_finite() && weight.min_element() >= 0.0;
+                    assert!(sound && weight.max_element() < 10.0, "{}", told());
+                }
+            }
+        }
     }
 
     #[test]

@@ -812,7 +812,7 @@ fn damaged_files_never_panic() {
         "[",
         ",",
     ];
-    arbtest::arbtest(|u| {
+    verify::property(1000, |u| {
         for (name, good) in [
             ("scene.ron", SCENE),
             ("scene.obj", OBJ),

@@ -13,19 +13,24 @@
 //! - [`normal_fit`]: are z-scores, taken together, those of a sound estimator?
 //! - [`Running`]: mean and variance on the fly.
 //! - [`annotated`]: does a commented file say what the types behind it hold?
+//! - [`property`]: does something hold for any input, by inputs that are the same in every run?
 //! - [`Fuzz`]: does what reads files stand what files may hold?
 
 mod annotated;
 mod chi_square;
 mod fuzz;
 mod normal;
+mod property;
 mod running;
 
 pub use annotated::{Annotated, annotated};
 pub use chi_square::{ChiSquare, chi_square};
 pub use fuzz::{Fuzz, Outcome};
 pub use normal::{critical_z, normal_fit, p_value, sidak, z_test};
+pub use property::property;
 pub use running::Running;
+
+pub use arbtest::arbitrary;
 
 /// A small generator for this crate's own tests (SplitMix64, Steele et al. 2014), so that it depends on none.
 #[cfg(test)]

@@ -128,22 +128,22 @@ impl Walk<'_> {
             .map(|chunk| {
                 let mut part = Part::default();
                 for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
-                    self.path(path, paths, purpose, &mut part);
+                    let mut rng = Rng::new(self.spec.seed, path, 0, purpose);
+                    self.path(path, paths, &mut rng, &mut part);
                 }
                 part
             })
             .collect()
     }
 
-    fn path(&self, path: u64, paths: u64, purpose: Purpose, part: &mut Part) {
-        let mut rng = Rng::new(self.spec.seed, path, 0, purpose);
+    fn path(&self, path: u64, paths: u64, rng: &mut Rng, part: &mut Part) {
         // Paths take the lights in turn, each its share: less noise than choosing afresh.
         let u = (path as f64 + rng.f64()) / paths as f64;
         let Particle {
             mut origin,
             mut direction,
             flux,
-        } = self.sources.emit(u.min(1.0 - f64::EPSILON), &mut rng);
+        } = self.sources.emit(u.min(1.0 - f64::EPSILON), rng);
         let mut flux = flux / paths as f32;
         for c in 0..3 {
             part.source_flux[c] += f64::from(flux[c]);
@@ -185,7 +185,7 @@ impl Walk<'_> {
                         .then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
                 });
             }
-            let Some(sample) = surface.brdf.sample(surface.ns, wo, &mut rng) else {
+            let Some(sample) = surface.brdf.sample(surface.ns, wo, rng) else {
                 return;
             };
             let cos_leaving = sample.wi.dot(surface.ng);
@@ -243,6 +243,7 @@ pub fn gloss(brdf: &Brdf, [normal, leaving]: [Vec3; 2], incoming: Vec3) -> Gloss
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sampling::Extreme;
     use scene::{Emitter, Environment, Material, MaterialId, Mesh};
 
     /// A closed cube of side 2 about the origin with reflectance `albedo`, a point light inside.
@@ -324,12 +325,12 @@ mod tests {
         }
     }
 
-    /// [`closed_box`] of reflectance ½ with another light, and what the virtual lights send on of one channel.
-    fn sent_on(emitter: Option<Emitter>, sky: Option<Environment>, triangle: bool) -> f64 {
+    /// [`closed_box`] of reflectance ½ with another light; a triangle is number 12.
+    fn box_with(emitter: Option<Emitter>, sky: Option<Environment>) -> Scene {
         let mut scene = closed_box(0.5);
         scene.emitters = emitter.into_iter().collect();
         scene.environment = sky;
-        if triangle {
+        if matches!(emitter, Some(Emitter::Triangle { .. })) {
             let first = scene.mesh.positions.len() as u32;
             scene
                 .mesh
@@ -343,7 +344,12 @@ mod tests {
             });
             scene.emissive = (0..13).map(|t| t == 12).collect();
         }
-        traced(&scene, 200_000, 8).1.virtual_flux[1]
+        scene
+    }
+
+    /// What the virtual lights in that box send on of one channel.
+    fn sent_on(emitter: Option<Emitter>, sky: Option<Environment>) -> f64 {
+        traced(&box_with(emitter, sky), 200_000, 8).1.virtual_flux[1]
     }
 
     #[test]
@@ -371,42 +377,112 @@ mod tests {
         for (name, found, power, sent) in [
             (
                 "hard spot",
-                sent_on(Some(spot(0.5, 0.5)), None, false),
+                sent_on(Some(spot(0.5, 0.5)), None),
                 2.0 * pi,
                 inside * 2.0 * 0.5,
             ),
             // The cubic step has half its width's weight.
             (
                 "soft spot",
-                sent_on(Some(spot(1.0, 0.5)), None, false),
+                sent_on(Some(spot(1.0, 0.5)), None),
                 2.0 * pi,
                 inside * 2.0 * 0.25,
             ),
             (
                 "lamp",
-                sent_on(Some(spot(-1.0, -1.0)), None, false),
+                sent_on(Some(spot(-1.0, -1.0)), None),
                 4.0 * pi,
                 inside * 2.0,
             ),
             // Both sides of an area of 1/8.
             (
                 "triangle",
-                sent_on(Some(triangle), None, true),
+                sent_on(Some(triangle), None),
                 2.0 * pi * 3.0 / 8.0,
                 inside,
             ),
             // From outside a convex body, which sends it away: one face of 4, all faces of 24.
-            (
-                "parallel",
-                sent_on(Some(parallel), None, false),
-                1.5 * 4.0,
-                0.5,
-            ),
-            ("sky", sent_on(None, sky, false), pi * 24.0, 0.5),
+            ("parallel", sent_on(Some(parallel), None), 1.5 * 4.0, 0.5),
+            ("sky", sent_on(None, sky), pi * 24.0, 0.5),
         ] {
             let ratio = found / (power * sent);
             // Survival and hits on the body are decided by chance: over 10⁵ paths below 0.5 %; 4 sigma.
             assert!((ratio - 1.0).abs() < 0.02, "{name}: ratio {ratio}");
+        }
+    }
+
+    #[test]
+    fn extreme_random_numbers_leave_finite_lights_of_every_kind_of_source() {
+        let spot = |cos_inner, cos_outer| Emitter::Spot {
+            position: Vec3::new(0.2, 0.3, -0.1),
+            direction: Vec3::new(0.6, 0.0, 0.8),
+            intensity: Vec3::splat(2.0),
+            cos_inner,
+            cos_outer,
+        };
+        let point = Emitter::Point {
+            position: Vec3::new(0.2, 0.3, -0.1),
+            intensity: Vec3::ONE,
+        };
+        let triangle = Emitter::Triangle {
+            triangle: 12,
+            radiance: Vec3::splat(3.0),
+            peak: 1.0,
+        };
+        let parallel = Emitter::Directional {
+            direction: Vec3::NEG_Z,
+            irradiance: Vec3::ONE,
+        };
+        let emitters = [
+            point,
+            spot(0.5, 0.5),
+            spot(1.0, 0.5),
+            spot(-1.0, -1.0),
+            triangle,
+            parallel,
+        ];
+        let skies = [Environment::constant(Vec3::ONE)].into_iter();
+        let sources = emitters.map(|e| (Some(e), None)).into_iter();
+        for (emitter, sky) in sources.chain(skies.map(|sky| (None, sky))) {
+            for (alpha, specular) in [(1.0, 0.0), (1e-3, 0.6), (0.3, 0.6), (1.0, 0.6)] {
+                let mut scene = box_with(emitter, sky.clone());
+                for material in &mut scene.materials {
+                    (material.alpha, material.specular) = (alpha, Vec3::splat(specular));
+                    material.diffuse = Vec3::splat(0.4);
+                }
+                let tracer = Tracer::build(&scene);
+                let spec = VirtualLightSpec {
+                    count: 2,
+                    max_bounces: 50,
+                    keep_bounces: true,
+                    seed: 1,
+                };
+                let sources = Sources::new(&scene).expect("a light with power");
+                let walk = Walk {
+                    scene: &scene,
+                    tracer: &tracer,
+                    sources: &sources,
+                    spec: &spec,
+                };
+                for number in [Extreme::Zero, Extreme::BelowOne] {
+                    for path in 0..2 {
+                        let mut part = Part::default();
+                        walk.path(path, 2, &mut Rng::extreme(number), &mut part);
+                        assert!(part.rays <= 50, "{} rays", part.rays);
+                        for light in &part.lights {
+                            let told = || format!("{emitter:?}, {number:?}: {light:?}");
+                            assert!(light.position.is_finite(), "{}", told());
+                            assert!(light.intensity.is_finite(), "{}", told());
+                            assert!(light.intensity.min_element() >= 0.0, "{}", told());
+                            assert!(light.normal.is_normalized(), "{}", told());
+                        }
+                        assert!(
+                            part.source_flux.iter().all(|f| f.is_finite()),
+                            "{emitter:?}"
+                        );
+                    }
+                }
+            }
         }
     }
 

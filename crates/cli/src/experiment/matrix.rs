@@ -34,22 +34,26 @@ pub(crate) struct Group {
 /// Seed of light paths in an experiment: the same lights for every seed of the renders.
 const LIGHTS_SEED: u64 = 1;
 
-/// All groups, with the scene files at `paths`. `file` is the experiment's.
+/// All groups, with the scene files at `paths`, each cell within `limit`. `file` is the experiment's.
 ///
 /// Within a group the methods take turns, budget by budget and seed by seed, so that a machine that becomes
 /// slower does so for all of them.
-pub(crate) fn plan(spec: &Spec, file: &Path, paths: &[PathBuf]) -> Vec<Group> {
+pub(crate) fn plan(spec: &Spec, file: &Path, paths: &[PathBuf], limit: MemoryLimit) -> Vec<Group> {
     let mut groups = Vec::new();
     for (scene, entry) in spec.scenes.0.iter().enumerate() {
         for lights in 0..spec.lights.0.len() {
             let frames = entry.animation.as_ref().map_or(1, |a| a.frames.0);
             for frame in 0..frames {
-                groups.push(Group {
+                let mut group = Group {
                     scene,
                     lights,
                     frame,
                     cells: cells(spec, file, &paths[scene], scene, lights, frame),
-                });
+                };
+                for cell in &mut group.cells {
+                    cell.job.limit = limit;
+                }
+                groups.push(group);
             }
         }
     }

@@ -24,6 +24,7 @@ use crate::args::ExperimentArgs;
 use crate::error::CliError;
 use crate::fingerprint::Fnv;
 use crate::job::{self, LightsSpec, find_scene};
+use crate::limits::MemoryLimit;
 use crate::machine::cpu_model;
 use crate::output::check_folder;
 use crate::progress::Progress;
@@ -65,9 +66,10 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
         Path::new("out").join(format!("{name}{quick}"))
     });
     check_folder(&folder)?;
+    let store = Store::new(&folder);
+    store.remove_abandoned();
     let pool = crate::prepared::threads(arguments.threads)?;
     pool.install(|| {
-        let store = Store::new(&folder);
         let progress = Progress::new(arguments.quiet);
         let machine = Machine {
             cpu: cpu_model(),
@@ -100,7 +102,10 @@ pub(crate) fn run(arguments: &ExperimentArgs) -> Result<(), CliError> {
             .iter()
             .map(|scene| scene.clone().unwrap_or_default())
             .collect();
-        let ended = run.all(matrix::plan(&spec, file, &paths), &scenes);
+        let limit = MemoryLimit {
+            most: arguments.max_memory,
+        };
+        let ended = run.all(matrix::plan(&spec, file, &paths, limit), &scenes);
         write(&mut run.results, &store)?;
         ended?;
         finish(&run.results, &store, &progress)

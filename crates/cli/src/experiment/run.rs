@@ -18,7 +18,6 @@ use crate::error::CliError;
 use crate::fingerprint::Fnv;
 use crate::interrupt;
 use crate::job::{Builder, Job, LightsSpec};
-use crate::limits::MemoryLimit;
 use crate::prepared::{LoadedScene, PreparedLights};
 use crate::progress::Progress;
 use crate::report;
@@ -93,8 +92,9 @@ impl Run<'_> {
 
     fn load(&self, group: &Group, scene: &Result<PathBuf, String>) -> Result<Stage, String> {
         let path = scene.as_ref().map_err(Clone::clone)?;
-        let loaded = LoadedScene::load(path, MemoryLimit::default(), self.machinery.progress)
-            .map_err(|e| e.to_string())?;
+        let limit = group.cells[0].job.limit;
+        let loaded =
+            LoadedScene::load(path, limit, self.machinery.progress).map_err(|e| e.to_string())?;
         Ok(Stage {
             scene: group.scene,
             still: Still::of(&loaded.scene),

@@ -125,7 +125,7 @@ pub(crate) fn light_sets(scene: &Scene, tracer: &Tracer) -> Vec<(&'static str, L
 }
 
 /// Every scene of the suite with every set of lights in it, by name.
-fn cases(glossy: bool) -> Vec<(Scene, Tracer, &'static str, LightSet)> {
+pub(super) fn cases(glossy: bool) -> Vec<(Scene, Tracer, &'static str, LightSet)> {
     let mut cases = Vec::new();
     let scene = room(glossy);
     for (name, lights) in light_sets(&scene, &Tracer::build(&scene)) {
@@ -268,7 +268,7 @@ pub(super) fn running(values: &[DVec3], channel: usize) -> Running {
 }
 
 /// Every method with its default settings, and some with others.
-fn settings() -> Vec<MethodSpec> {
+pub(super) fn settings() -> Vec<MethodSpec> {
     let mut all = MethodSpec::all();
     let weights = LightWeights::Cheap;
     all.push(MethodSpec::Importance(ImportanceSpec {

@@ -213,6 +213,8 @@ mod agreement;
 #[cfg(test)]
 pub(crate) mod conformance;
 #[cfg(test)]
+mod extremes;
+#[cfg(test)]
 pub(crate) mod fixtures;
 #[cfg(test)]
 pub(crate) mod shining_room;

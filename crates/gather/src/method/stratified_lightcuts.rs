@@ -53,9 +53,9 @@ impl Default for StratifiedLightcutsSpec {
 const OWN_CLUSTERS: usize = 64;
 /// The first sample of a pixel that is drawn by what was learned: the ones before are to be had at once, and so many are a
 /// block of the sequence.
-const LEARNED_FROM: u32 = 2;
+pub(super) const LEARNED_FROM: u32 = 2;
 /// The sequence's dimension that chooses lights, after the two of the place in the pixel.
-const LIGHTS: u32 = 2;
+pub(super) const LIGHTS: u32 = 2;
 
 /// Memory of [`StratifiedLightcuts`].
 #[derive(Debug, Default)]
@@ -138,8 +138,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         }
         eval.mark(Phase::Cut);
         let u = if self.spec.stratify && is_seen {
-            // The sequence ends at 2⁻²⁴: what chooses deep in the tree is random.
-            f64::from(x.sequence.f32(x.sample, LIGHTS)) + rng.f64() / 16_777_216.0
+            x.sequence.f64(x.sample, LIGHTS, rng)
         } else {
             rng.f64()
         };

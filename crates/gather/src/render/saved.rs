@@ -290,7 +290,7 @@ mod tests {
             for end in [0, 3, 12, 100, 101, state.len() / 2, state.len() - 1] {
                 assert!(render(2).restored(&mut &state[..end]).is_err(), "{end}");
             }
-            arbtest::arbtest(|u| {
+            verify::property(1000, |u| {
                 let mut forged = state.clone();
                 for _ in 0..u.int_in_range(1..=4)? {
                     let end = if u.ratio(3, 4)? { 300 } else { forged.len() };

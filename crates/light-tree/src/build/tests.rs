@@ -5,7 +5,7 @@ use crate::test_lights::any_lights;
 
 #[test]
 fn every_tree_is_valid() {
-    arbtest::arbtest(|u| {
+    verify::property(1000, |u| {
         let set = any_lights(u)?;
         for builder in TreeBuilder::ALL {
             match LightTree::build(&set, builder) {

@@ -13,7 +13,7 @@ use crate::tree::Node;
 
 #[test]
 fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
-    arbtest::arbtest(|u| {
+    verify::property(1000, |u| {
         let lights = any_lights(u)?;
         let at = any_receiver(u, &lights)?;
         let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {

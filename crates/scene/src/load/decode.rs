@@ -1,6 +1,6 @@
 //! Pictures out of bytes that nobody vouches for.
 
-use std::io::Cursor;
+use std::io::{BufReader, Cursor, Read, Seek};
 
 use exr::compression::Compression;
 use exr::meta::{BlockDescription, MetaData};
@@ -18,6 +18,14 @@ const ALLOWED_EXPANSION: u64 = 3000;
 pub(super) struct Decoded {
     pub(super) image: DynamicImage,
     pub(super) format: ImageFormat,
+}
+
+/// Texels that a file claims to have, of which no more is read than its header; `None` where it cannot be told.
+pub(super) fn claimed_texels(file: impl Read + Seek) -> Option<u64> {
+    let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
+    let (width, height) = reader.ok()?.into_dimensions().ok()?;
+    // What is larger is refused when it is decoded.
+    Some(u64::from(width.min(LARGEST)) * u64::from(height.min(LARGEST)))
 }
 
 /// Decodes a file of one of the `formats`, which a message calls `kinds`, into at most `most_bytes`; else a message.

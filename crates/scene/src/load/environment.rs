@@ -1,14 +1,20 @@
 //! Pictures of environments: EXR, Radiance HDR, PNG and JPEG.
 
+use std::io::Cursor;
+
 use glam::Vec3;
 use image::ImageFormat;
 
-use crate::load::decode::{Decoded, decode};
+use crate::load::decode::{Decoded, claimed_texels, decode};
 use crate::load::{SceneText, unreadable};
 use crate::{Environment, SceneError};
 
 /// Bytes a decoder may use: 16384 × 8192 texels of three floats.
 const MOST_BYTES: u64 = 3 << 29;
+
+/// Bytes a texel at once: decoded, as three floats, and with its running sum. What a file has of more than three channels
+/// is gone by then.
+const TEXEL: u64 = 40;
 
 /// The environment in `file`, which `field` of the scene names, with its radiance times `scale`; `None` when it is
 /// black.
@@ -22,6 +28,9 @@ pub(super) fn load(
     let bytes = source.read(&name);
     let bytes = bytes.map_err(|e| scene.error(field, unreadable(&source, &name, &e)))?;
     let shown = source.shown(&name);
+    let texels = claimed_texels(Cursor::new(&bytes)).unwrap_or(0);
+    (scene.fits)(texels * TEXEL)
+        .map_err(|message| scene.error(field, format!("{shown} needs {message}")))?;
     read(&bytes, scale).map_err(|message| scene.error(field, format!("{shown}: {message}")))
 }
 

@@ -50,7 +50,10 @@ struct Parts {
     notes: LoadNotes,
 }
 
-/// Reads a scene. `path` names a `scene.ron`, or a glTF file with its own camera and lights, and may begin with an
+/// Says whether so many bytes more may be taken; else a message that begins with them.
+pub type Fits<'a> = &'a dyn Fn(u64) -> Result<(), String>;
+
+/// Reads a scene, whatever memory it takes. `path` names a `scene.ron`, or a glTF file with its own camera and lights, and may begin with an
 /// environment variable (`$MANYLIGHT_SCENES/sibenik/scene.ron`).
 ///
 /// A scene without triangles or without lights is legal, and black.
@@ -59,6 +62,15 @@ struct Parts {
 ///
 /// When a file is missing or holds anything that cannot be rendered as it says; see [`SceneError`].
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
+    load_within(path, &|_| Ok(()))
+}
+
+/// Reads a scene as [`load`] does, but asks before it decodes pictures: by their headers, all textures together.
+///
+/// # Errors
+///
+/// As [`load`], and when pictures do not fit.
+pub fn load_within(path: &Path, fits: Fits<'_>) -> Result<Scene, SceneError> {
     let path = match path.to_str() {
         Some(text) => expand(text)?,
         None => path.to_owned(),
@@ -78,6 +90,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
         text,
         folder: Source::Disk(path.parent().unwrap_or(Path::new("")).to_owned()),
         built_in: RefCell::default(),
+        fits,
     };
 
     let mut parts = Parts {
@@ -107,12 +120,9 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
                        (origin: (x, y, z), target: (x, y, z), up: (0, 1, 0), fov_y_deg: 60.0)";
         here.error("camera", message)
     })?;
-    let textures: Vec<_> = parts
-        .textures
-        .all()
-        .par_iter()
-        .map(texture::Wanted::load)
-        .collect();
+    let wanted = parts.textures.all();
+    texture::refuse_too_large(wanted, fits).map_err(|message| SceneError::file(&shown, message))?;
+    let textures: Vec<_> = wanted.par_iter().map(texture::Wanted::load).collect();
     let textures: Vec<Texture> = textures.into_iter().collect::<Result<_, _>>()?;
 
     let Parts {
@@ -202,6 +212,7 @@ struct SceneText<'a> {
     folder: Source,
     /// Built-in scenes in use: making one takes time.
     built_in: RefCell<BTreeMap<String, Source>>,
+    fits: Fits<'a>,
 }
 
 impl SceneText<'_> {

@@ -1,11 +1,12 @@
 //! PNG and JPEG files.
 
 use image::ImageFormat;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
-use crate::load::decode::decode;
+use crate::load::decode::{claimed_texels, decode};
 use crate::load::source::Source;
-use crate::load::unreadable;
+use crate::load::{Fits, unreadable};
 use crate::{SceneError, Texture, TextureId};
 
 /// Bytes a decoder may use: 16384 × 16384 texels of four bytes.
@@ -47,6 +48,26 @@ impl WantedList {
     pub(super) fn all(&self) -> &[Wanted] {
         &self.list
     }
+}
+
+/// Bytes a texel that stays …
+const KEPT: u64 = 4;
+/// … and beside it while a file is decoded: as the file has it, eight bytes in a PNG of 16 bits, or once more as four.
+const DECODING: u64 = 8;
+
+/// Refuses textures that would not fit, by what their headers claim. What is wrong with a file is said when it is decoded.
+pub(super) fn refuse_too_large(wanted: &[Wanted], fits: Fits<'_>) -> Result<(), String> {
+    let texels = wanted.par_iter().map(|w| match &w.source {
+        Source::Disk(folder) => claimed_texels(std::fs::File::open(folder.join(&w.name)).ok()?),
+        // Those of built-in scenes are in memory already, and small.
+        Source::Memory { .. } => None,
+    });
+    let mut texels: Vec<u64> = texels.flatten().collect();
+    texels.sort_unstable();
+    let largest = texels.iter().rev().take(rayon::current_num_threads());
+    let bytes = KEPT * texels.iter().sum::<u64>() + DECODING * largest.sum::<u64>();
+    let files = texels.len();
+    fits(bytes).map_err(|message| format!("its textures ({files} in all) need {message}"))
 }
 
 impl Wanted {
