@@ -19,6 +19,7 @@ mod light;
 mod lights;
 mod lobe;
 mod order;
+mod prefetch;
 mod representative;
 mod select;
 mod shared_cut;
