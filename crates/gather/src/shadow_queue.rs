@@ -23,6 +23,9 @@ pub trait LightEval {
     /// the probability of having chosen the light.
     fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64);
 
+    /// Says that light `id` is about to be [added](Self::add), after others: its memory is asked for.
+    fn expect(&mut self, id: LightId);
+
     /// Radiance that light `id` sends by way of `x` toward the viewer, visibility included, at once.
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
 
@@ -282,6 +285,11 @@ impl LightEval for ShadowQueue<'_> {
         if self.scratch.rays.len() >= 4 * BATCH {
             self.flush();
         }
+    }
+
+    #[inline]
+    fn expect(&mut self, id: LightId) {
+        self.lights.prefetch(id);
     }
 
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {

@@ -12,6 +12,7 @@ mod light;
 mod lights;
 mod lobe;
 mod order;
+mod prefetch;
 mod representative;
 mod select;
 mod shared_cut;

@@ -7,6 +7,7 @@ use crate::emission::{Emission, Profile, SLACK};
 use crate::light::{
     EnvironmentCell, Gloss, LightId, LightKind, SpotCone, TriangleLight, VirtualLight, luminance,
 };
+use crate::prefetch::prefetch;
 use crate::tree::Node;
 
 /// What only triangles have.
@@ -302,6 +303,21 @@ impl LightSet {
         }
         let at = id.index().checked_sub(self.first_virtual())?;
         self.glosses.get(self.gloss_of[at] as usize)
+    }
+
+    /// Asks for what light `id` is evaluated by: who asks for several before evaluating the first waits once for all. The
+    /// gloss of a virtual light lies behind an index, and is not among it.
+    #[inline]
+    pub fn prefetch(&self, id: LightId) {
+        let i = id.index();
+        prefetch(self.kinds.get(i));
+        prefetch(self.positions.get(i));
+        prefetch(self.axes.get(i));
+        prefetch(self.intensities.get(i));
+        if let Some(i) = i.checked_sub(self.first_virtual()) {
+            prefetch(self.radii.get(i));
+            prefetch(self.gloss_of.get(i));
+        }
     }
 
     /// Number of virtual lights that are not matte.

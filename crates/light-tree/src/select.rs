@@ -2,7 +2,8 @@
 
 use crate::bounds::Receiver;
 use crate::light::LightId;
-use crate::tree::{LightTree, NodeId, Pair};
+use crate::prefetch::prefetch;
+use crate::tree::{LightTree, NodeId};
 use crate::weight::NodeWeights;
 
 /// What happens when neither child of a node can light the receiver.
@@ -147,18 +148,8 @@ impl LightTree {
     /// Asks for the memory that the next step below `id` reads: by the time its turn comes it has arrived.
     #[inline(always)]
     pub(crate) fn prefetch_children(&self, id: NodeId) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(first) = self.node(id).first_child() {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let address: *const Pair = &raw const self.pairs[(first.0 >> 1) as usize];
-            #[allow(unsafe_code, reason = "the only way to prefetch")]
-            // SAFETY: a prefetch reads nothing the program can see and never faults.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(address.cast::<i8>());
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = id;
+        let children = self.node(id).first_child();
+        prefetch(children.map(|first| &self.pairs[(first.0 >> 1) as usize]));
     }
 
     #[inline]

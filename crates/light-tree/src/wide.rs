@@ -6,6 +6,7 @@ use crate::bounds::Receiver;
 use crate::cone::Cone;
 use crate::light::{LightId, LightKind};
 use crate::lights::LightSet;
+use crate::prefetch::prefetch;
 use crate::select::BELOW_ONE;
 use crate::shared_cut::{Drawn, Draws, Pick};
 use crate::tree::{LightTree, NodeId};
@@ -270,7 +271,7 @@ impl WideTree {
                     expected: pick.expected,
                 }),
                 None => {
-                    self.prefetch(pick.cluster);
+                    prefetch(self.blocks.get(pick.cluster.0 as usize));
                     active.push(*pick);
                 }
             }
@@ -338,7 +339,7 @@ impl WideTree {
                     }),
                     Some(_) => *dead += 1,
                     None => {
-                        self.prefetch(pick.cluster);
+                        prefetch(self.blocks.get(pick.cluster.0 as usize));
                         active[kept] = pick;
                         kept += 1;
                     }
@@ -406,29 +407,6 @@ impl WideTree {
             self.blocks[block].add_parallel(receiver, parallel, &mut weights);
         }
         weights
-    }
-
-    /// Asks for the memory that the next step below `cluster` reads: by the time its turn comes it has arrived.
-    #[inline(always)]
-    fn prefetch(&self, cluster: Cluster) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let address = self
-                .blocks
-                .as_ptr()
-                .wrapping_add(cluster.0 as usize)
-                .cast::<i8>();
-            for line in 0..size_of::<Block>() / 64 {
-                #[allow(unsafe_code, reason = "the only way to prefetch")]
-                // SAFETY: a prefetch reads nothing the program can see and never faults.
-                unsafe {
-                    _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line));
-                }
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = cluster;
     }
 }
 

@@ -93,6 +93,9 @@ impl<'a> Method<'a> for AdaptiveSplitting<'a> {
                 || rng.f64(),
             );
             eval.mark(Phase::Select);
+            for selected in drawn.iter().flatten() {
+                eval.expect(selected.light);
+            }
             for selected in drawn {
                 match selected {
                     Some(s) => eval.add(x, s.light, 1.0 / (samples * s.pmf)),

@@ -145,6 +145,9 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         cut.draw(tree, &x.receiver, self.spec.samples.get(), u, draws);
         eval.mark(Phase::Select);
         for drawn in draws.lights() {
+            eval.expect(drawn.light);
+        }
+        for drawn in draws.lights() {
             eval.add(x, drawn.light, 1.0 / drawn.expected);
         }
         for _ in 0..draws.dead() {

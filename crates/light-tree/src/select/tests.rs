@@ -10,6 +10,7 @@ use crate::test_lights::{
     BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
 };
 use crate::tree::Node;
+use crate::tree::Pair;
 
 #[test]
 fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
