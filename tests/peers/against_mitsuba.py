@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Renders a scene with Mitsuba 3 and with manylight's path tracer, and compares the pictures.
 
-    pip install mitsuba numpy        # in an environment of its own; no part of the tests
+    pip install mitsuba OpenEXR        # in an environment of its own; no part of the tests
     tests/peers/against_mitsuba.py SCENE_FOLDER --lights points --out /tmp/peer
 
 The scene is made matte (Ks 0) for both unless --glossy is given, and its lights are either the file's points or its
@@ -24,15 +24,7 @@ import time
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("scalar_rgb")
-
-NUMBER = r"[-+0-9.eE]+"
-
-
-def triple(text, name):
-    """The three numbers of field `name` in RON text."""
-    found = re.search(name + rf":\s*\(\s*({NUMBER})\s*,\s*({NUMBER})\s*,\s*({NUMBER})\s*\)", text)
-    return [float(x) for x in found.groups()]
+from scene_files import fov_y_deg, pixels, points, triple
 
 
 def read_mtl(path):
@@ -83,14 +75,20 @@ def mesh(name, positions, uvs, normals, props):
     made = mi.Mesh(name, n, n // 3, has_vertex_normals=normals is not None, has_vertex_texcoords=uvs is not None,
                    props=props)
     params = mi.traverse(made)
-    params["vertex_positions"] = positions.ravel().astype(np.float32)
-    params["faces"] = np.arange(n, dtype=np.uint32)
+    params["vertex_positions"] = array_like(params["vertex_positions"], positions, np.float32)
+    params["faces"] = array_like(params["faces"], np.arange(n), np.uint32)
     if uvs is not None:
-        params["vertex_texcoords"] = uvs.ravel().astype(np.float32)
+        params["vertex_texcoords"] = array_like(params["vertex_texcoords"], uvs, np.float32)
     if normals is not None:
-        params["vertex_normals"] = normals.ravel().astype(np.float32)
+        params["vertex_normals"] = array_like(params["vertex_normals"], normals, np.float32)
     params.update()
     return made
+
+
+def array_like(old, numbers, of):
+    """`numbers` as an array of the kind that Mitsuba's variant keeps at the place of `old`."""
+    flat = np.ascontiguousarray(numbers.ravel().astype(of))
+    return flat if isinstance(old, np.ndarray) else type(old)(flat)
 
 
 def reflection(material, texels):
@@ -170,6 +168,18 @@ def shapes(folder, obj, mtl, emissive, glossy):
     return found
 
 
+def sensor(text, size):
+    """The camera of a scene file for a picture of `size`, with a box filter."""
+    look = {key: triple(text, key) for key in ("origin", "target", "up")}
+    return {
+        "type": "perspective", "fov": fov_y_deg(text), "fov_axis": "y",
+        "near_clip": 1e-4, "far_clip": 1e6,
+        "to_world": mi.ScalarTransform4f().look_at(look["origin"], look["target"], look["up"]),
+        "film": {"type": "hdrfilm", "width": size[0], "height": size[1],
+                 "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32"},
+    }
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder")
@@ -183,7 +193,9 @@ def main():
     parser.add_argument("--method", default="stochastic-lightcuts")
     parser.add_argument("--manylight", default="target/release/manylight")
     parser.add_argument("--out", default="out/peer")
+    parser.add_argument("--variant", default="scalar_rgb", help="Mitsuba's; llvm_ad_rgb is several times faster where LLVM is")
     given = parser.parse_args()
+    mi.set_variant(given.variant)
     peer_spp = given.peer_spp or given.spp
     os.makedirs(given.out, exist_ok=True)
     text = open(os.path.join(given.folder, "scene.ron")).read()
@@ -205,11 +217,10 @@ def main():
             open(link, "w").writelines(lines)
         elif name not in ("scene.ron", "lights.ron"):
             os.symlink(source, link)
-    points = []
+    lamps = []
     if not emissive:
-        points = open(os.path.join(given.folder, "lights.ron")).read()
-        points = re.findall(r"\(position:.*?\)\s*\)", points)[::given.every]
-        open(os.path.join(copy, "lights.ron"), "w").write("[" + ",\n".join(points) + "]\n")
+        lamps = points(os.path.join(given.folder, "lights.ron"))[::given.every]
+        open(os.path.join(copy, "lights.ron"), "w").write("[" + ",\n".join(lamps) + "]\n")
     lights = "lights: [Emissive]" if emissive else "lights: [Points(\"lights.ron\")]"
     open(os.path.join(copy, "scene.ron"), "w").write(re.sub(r"lights:\s*\[[^\]]*\]", lights, text))
     run = os.path.join(given.out, "run.ron")
@@ -221,30 +232,26 @@ def main():
         subprocess.run([given.manylight, "render", run, "--method", given.method, "--out", given.out,
                         "--name", f"manylight{seed}", "--seed", str(seed), "--quiet"], check=True)
 
-    look = {key: triple(text, key) for key in ("origin", "target", "up")}
-    fov = float(re.search(rf"fov_y_deg:\s*({NUMBER})", text).group(1))
     cut_out = any(material["map_d"] for material in read_mtl(mtl).values())
     scene = {
         "type": "scene",
         # Counts edges: light seen directly is 1, lit by a light 2. Shadow rays of "path" stop at what is cut out.
         "integrator": {"type": "volpath" if cut_out else "path", "max_depth": given.bounces + 2, "rr_depth": 3},
-        "sensor": {
-            "type": "perspective", "fov": fov, "fov_axis": "y",
-            "near_clip": 1e-4, "far_clip": 1e6,
-            "to_world": mi.ScalarTransform4f().look_at(look["origin"], look["target"], look["up"]),
-            "film": {"type": "hdrfilm", "width": given.size[0], "height": given.size[1],
-                     "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32"},
-            "sampler": {"type": "independent", "sample_count": peer_spp},
-        },
+        "sensor": sensor(text, given.size),
     }
     scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive, given.glossy).values())})
-    for i, point in enumerate(points):
+    for i, point in enumerate(lamps):
         scene[f"light{i}"] = {"type": "point", "position": triple(point, "position"),
                               "intensity": {"type": "rgb", "value": triple(point, "intensity")}}
     loaded = mi.load_dict(scene)
     started = time.time()
     for seed, path in enumerate(peers):
-        mi.Bitmap(mi.render(loaded, seed=seed)).write(path)
+        # In passes, since a wavefront holds all of a pass's paths.
+        passes = 1 if given.variant == "scalar_rgb" else max(1, peer_spp // 1024)
+        sums = 0.0
+        for k in range(passes):
+            sums = sums + np.array(mi.render(loaded, seed=seed * passes + k, spp=peer_spp // passes), dtype=np.float64)
+        mi.Bitmap((sums / passes).astype(np.float32)).write(path)
     seconds = time.time() - started
     halves = [[pixels(path) for path in paths] for paths in (ours, peers)]
     mean = [(a + b) / 2 for a, b in halves]
@@ -255,19 +262,12 @@ def main():
     ratio = mean[0].mean() / mean[1].mean()
     # Pixels are independent, channels of one are not: what the differences of the halves say of the mean over all.
     deviations = [np.sqrt((((a - b).sum(axis=2) / 2) ** 2).sum()) / mean[1].sum() for a, b in halves]
-    print(f"{given.folder} {len(points) or 'emissive'} lights{' glossy' * given.glossy}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, "
+    print(f"{given.folder} {len(lamps) or 'emissive'} lights{' glossy' * given.glossy}, {given.bounces} bounces, {given.size[0]}x{given.size[1]}, "
           f"2 x {given.spp} spp, Mitsuba 2 x {peer_spp}: mean ratio {ratio:.5f} +- {np.hypot(*deviations):.5f} "
           f"(manylight {deviations[0]:.5f}, Mitsuba {deviations[1]:.5f}), relmse {relmse:.3e}, noise {noise:.3e}; "
           f"Mitsuba {seconds:.0f} s")
     difference = mean[0] - mean[1]
     mi.Bitmap((difference / np.sqrt(scale)).astype(np.float32)).write(os.path.join(given.out, "difference.exr"))
-
-
-def pixels(path):
-    """An EXR's radiance in f64."""
-    bitmap = mi.Bitmap(path)
-    names = [field.name for field in bitmap.struct_()]
-    return np.array(bitmap, dtype=np.float64)[:, :, [names.index(channel) for channel in "RGB"]]
 
 
 if __name__ == "__main__":
