@@ -60,13 +60,14 @@ class Live:
         )
 
     def drag(self, dx, dy, modifier=None):
+        """From the middle, by shares of the picture's height."""
         box = self.page.locator("#view").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         if modifier:
             self.page.keyboard.down(modifier)
         self.page.mouse.move(x, y)
         self.page.mouse.down()
-        self.page.mouse.move(x + dx, y + dy, steps=6)
+        self.page.mouse.move(x + dx * box["height"], y + dy * box["height"], steps=6)
         self.page.mouse.up()
         if modifier:
             self.page.keyboard.up(modifier)
@@ -104,9 +105,9 @@ def check(live, size, with_reference, shot):
 
     home = live.camera()
     for name, act in [
-        ("orbit", lambda: live.drag(120, 30)),
-        ("pan", lambda: live.drag(60, 0, "Shift")),
-        ("look", lambda: live.drag(40, 0, "Alt")),
+        ("orbit", lambda: live.drag(0.15, 0.03)),
+        ("pan", lambda: live.drag(0.1, 0, "Shift")),
+        ("look", lambda: live.drag(0.1, 0, "Alt")),
         ("dolly", lambda: (live.page.mouse.wheel(0, -200), live.page.wait_for_timeout(50))),
         ("keys", lambda: live.page.keyboard.press("ArrowLeft")),
     ]:
@@ -140,9 +141,9 @@ def main():
     parser.add_argument("--shots", type=pathlib.Path, help="folder for screenshots")
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--reference")
-    parser.add_argument("rest", nargs="*", help="for manylight view")
-    arguments = parser.parse_args()
-    command = [arguments.binary, "view", arguments.run, "--port", "0", "--size", arguments.size, *arguments.rest]
+    own, _, rest = " ".join(sys.argv[1:]).partition(" -- ")
+    arguments = parser.parse_args(own.split())
+    command = [arguments.binary, "view", arguments.run, "--port", "0", "--size", arguments.size, *rest.split()]
     if arguments.reference:
         command += ["--reference", arguments.reference]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

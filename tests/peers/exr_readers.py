@@ -106,7 +106,10 @@ def check_oiiotool(path, channels):
     names = [re.sub(r" \(.*\)", "", name) for name in listed.split(", ")]
     expect(sorted(names) == sorted(channel_names()), f"oiiotool lists {names}")
     averages = [float(x) for x in re.search(r"Stats Avg:\s+(.*?)\s*\((?:float|half|uint|of)", text)[1].split()]
+    expect(len(averages) == len(names), f"oiiotool gives {len(averages)} means")
     for name, average in zip(names, averages):
+        if name == "samples.Y":
+            continue  # whole numbers are shares of the greatest one to it
         mean = channels[name].astype(numpy.float64).mean()
         expect(abs(average - mean) <= 1e-4 * max(abs(mean), 0.01), f"the mean of {name} is {average} to oiiotool and {mean} to OpenEXR")
     for name in TEXTS:

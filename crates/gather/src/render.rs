@@ -494,7 +494,8 @@ impl<F> PassOf<'_, F> {
         for ((pixel, features), sums) in pixels.zip(sums.chunks_exact(samples)) {
             for sum in sums {
                 if pixel.add(sum.radiance.as_vec3()) {
-                    features.direct += sum.direct;
+                    // Rounded as the whole is, so that nothing is left of what is all direct.
+                    features.direct += sum.direct.as_vec3().as_dvec3();
                 } else {
                     tile.counters.nonfinite += 1;
                 }

@@ -257,9 +257,11 @@ fn guarded(answer: Answer) -> Answer {
         ("X-Content-Type-Options", "nosniff"),
     ]
     .into_iter()
-    .fold(answer, |answer, (name, value)| {
-        answer.with_header(header(name, value))
-    })
+    // The length is known, however great it is.
+    .fold(
+        answer.with_chunked_threshold(usize::MAX),
+        |answer, (name, value)| answer.with_header(header(name, value)),
+    )
 }
 
 fn header(name: &str, value: &str) -> Header {

@@ -14,7 +14,7 @@ use super::stochastic_lightcuts::Weights;
 use super::*;
 use crate::contribution::VirtualShape;
 use crate::counters::Counters;
-use crate::shadow_queue::{QueueScratch, ShadowQueue};
+use crate::shadow_queue::{QueueScratch, SampleSum, ShadowQueue};
 
 /// Probability that a sound method fails [`unbiased_methods_agree_with_all_lights`] for a random seed.
 const FALSE_ALARM: f64 = 1e-4;
@@ -250,12 +250,13 @@ impl Visitor for Estimates<'_> {
             queue.end_point();
         }
         let (counters, sums) = queue.finish();
-        (
-            method.is_unbiased(),
-            sums.iter().map(|sum| sum.radiance).collect(),
-            counters,
-        )
+        (method.is_unbiased(), radiances(sums), counters)
     }
+}
+
+/// The radiance of all pixel samples.
+pub(super) fn radiances(sums: &[SampleSum]) -> Vec<DVec3> {
+    sums.iter().map(|sum| sum.radiance).collect()
 }
 
 pub(super) fn running(values: &[DVec3], channel: usize) -> Running {

@@ -334,7 +334,7 @@ mod tests {
     use crate::contribution::VirtualShape;
     use crate::counters::Counters;
     use crate::method::Lightcuts;
-    use crate::method::conformance::{light_sets, room};
+    use crate::method::conformance::{light_sets, radiances, room};
     use crate::method::fixtures::{all_lights, at, many_lights, many_points};
     use crate::method::refinement::mean;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
@@ -372,7 +372,7 @@ mod tests {
         );
         queue.end_point();
         let (counters, sums) = queue.finish();
-        (sums.iter().map(|sum| sum.radiance).collect(), counters)
+        (radiances(sums), counters)
     }
 
     #[test]

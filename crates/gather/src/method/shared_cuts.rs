@@ -134,11 +134,10 @@ mod tests {
     use super::*;
     use crate::Inputs;
     use crate::contribution::VirtualShape;
-    use crate::method::conformance::{gather_points, light_sets, room, running};
+    use crate::method::conformance::{gather_points, light_sets, radiances, room, running};
     use crate::method::fixtures::{all_lights, at};
     use crate::method::{Method, StochasticLightcuts, StochasticLightcutsSpec};
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
-    use glam::DVec3;
     use light_tree::TreeBuilder;
     use sampling::Rng;
     use scene::trace::Tracer;
@@ -194,8 +193,10 @@ mod tests {
                 queue.end_point();
             }
             let (_, sums) = queue.finish();
-            let sums: Vec<DVec3> = sums.iter().map(|sum| sum.radiance).collect();
-            for (x, sums) in seven.iter().zip(sums.chunks_exact(SAMPLES as usize)) {
+            for (x, sums) in seven
+                .iter()
+                .zip(radiances(sums).chunks_exact(SAMPLES as usize))
+            {
                 let exact: Vec<_> = (0..200)
                     .map(|sample| at(&all_lights(&inputs), &inputs, &tracer, shape, x, sample).0)
                     .collect();

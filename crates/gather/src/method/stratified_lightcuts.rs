@@ -230,7 +230,7 @@ mod tests {
                     queue.end_point();
                 }
                 let (_, values) = queue.finish();
-                let estimate = conformance::running(values, 1);
+                let estimate = conformance::running(&conformance::radiances(values), 1);
                 let exact = conformance::Estimates {
                     scene: &scene,
                     inputs: &inputs,

@@ -336,8 +336,8 @@ fn every_method_tells_direct_light_from_indirect() {
         assert!((0.01..0.5).contains(&share), "{method:?}: indirect {share}");
 
         let sources = picture(&alone, method, 2);
-        assert_eq!(
-            sources.direct, sources.radiance,
+        assert!(
+            sources.direct == sources.radiance,
             "{method:?}: all is direct"
         );
         assert!(
