@@ -137,7 +137,7 @@ fn run(page: &str) {
         }
         ran += 1;
     }
-    println!("{page}: {ran} blocks run, {skipped} not");
+    eprintln!("{page}: {ran} blocks run, {skipped} not");
 }
 
 /// A test for each page, and the list of them.
@@ -158,6 +158,7 @@ pages! {
     introduction = "introduction.md",
     first_render = "first-render.md",
     your_own_scene = "your-own-scene.md",
+    scene_files = "scene-files.md",
     choosing_a_method = "choosing-a-method.md",
     reading_the_report = "reading-the-report.md",
     measuring = "measuring.md",
