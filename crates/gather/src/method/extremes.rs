@@ -73,7 +73,10 @@ impl Visitor for Estimate<'_> {
         method.pixel(&points, &mut queue, &mut choice.clone(), &mut scratch);
         queue.end_point();
         let (counters, sums) = queue.finish();
-        (sums.iter().sum::<DVec3>() / 2.0, counters)
+        (
+            sums.iter().map(|sum| sum.radiance).sum::<DVec3>() / 2.0,
+            counters,
+        )
     }
 }
 
@@ -197,7 +200,7 @@ fn paths_by_extreme_numbers_end_and_carry_finite_light() {
                     let rays = walk.follow(first, rng, &mut points, &mut lights);
                     assert!(rays <= 51 && points.len() <= 51, "{rays} rays");
                     let strengths = points.iter().map(|x| x.strength);
-                    for light in strengths.chain(lights.iter().map(|(_, light)| *light)) {
+                    for light in strengths.chain(lights.iter().map(|seen| seen.radiance)) {
                         let sound = light.is_finite() && light.min_element() >= 0.0;
                         assert!(
                             sound,

@@ -304,8 +304,7 @@ mod tests {
                     render.counters();
                 }
                 Ok(())
-            })
-            .budget_ms(500);
+            });
         });
     }
 }
