@@ -267,7 +267,11 @@ fn numbers(form: &str, all: &str, parse: Parse<'_>, complaints: &mut Vec<String>
             // The type that ron reads is no range.
             let types = ["a whole number", "a number", "a name", "values in"];
             let is_type = types.iter().any(|kind| expected.starts_with(kind));
-            if !is_type && !expected.contains('…') && !expected.contains('`') && !said.contains(expected) {
+            if !is_type
+                && !expected.contains('…')
+                && !expected.contains('`')
+                && !said.contains(expected)
+            {
                 complaints.push(format!("{key}{value}: {expected:?} is not said"));
             }
         }
