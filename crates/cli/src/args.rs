@@ -17,7 +17,7 @@ use crate::limits::Bytes;
 
 /// A many-light renderer: a million virtual lights, one light tree, and every method that draws from it.
 #[derive(Debug, Parser)]
-#[command(version, about, arg_required_else_help = true, after_help = examples::ALL)]
+#[command(version, about, arg_required_else_help = true, after_help = examples::ALL, max_term_width = 120)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,

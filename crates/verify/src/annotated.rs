@@ -265,9 +265,13 @@ fn numbers(form: &str, all: &str, parse: Parse<'_>, complaints: &mut Vec<String>
                 continue;
             };
             // The type that ron reads is no range.
-            let is_type = ["a whole number", "a number", "a string", "a list", "values"];
-            let is_type = is_type.iter().any(|kind| expected.starts_with(kind));
-            if !is_type && !expected.contains('`') && !said.contains(expected) {
+            let types = ["a whole number", "a number", "a name", "values in"];
+            let is_type = types.iter().any(|kind| expected.starts_with(kind));
+            if !is_type
+                && !expected.contains('…')
+                && !expected.contains('`')
+                && !said.contains(expected)
+            {
                 complaints.push(format!("{key}{value}: {expected:?} is not said"));
             }
         }
