@@ -61,14 +61,12 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// A row of greys, up to `brightest`.
     fn image(brightest: f32) -> Image {
-        let greys = 1..=576;
         Image {
-            width: 576,
-            height: 1,
-            pixels: greys
-                .map(|i| Vec3::splat(brightest * i as f32 / 576.0))
+            width: 32,
+            height: 18,
+            pixels: (0..32 * 18)
+                .map(|i| Vec3::splat(brightest * (i as f32 + 1.0) / 576.0))
                 .collect(),
         }
     }
