@@ -36,8 +36,6 @@ pub(crate) struct Case {
     pub(crate) expected: Expected,
     /// How far the mean may be from that in double precision, relative.
     pub(crate) rounding: f64,
-    /// Name of a method that finds most of the light too seldom for its mean to say anything.
-    pub(crate) hopeless: Option<&'static str>,
 }
 
 /// Cases of one group.
@@ -57,7 +55,6 @@ impl Group<'_> {
             size: [16, 12, 16],
             expected: Expected::Nothing,
             rounding: 2e-4,
-            hopeless: None,
         });
         self.cases.last_mut().expect("one was added")
     }
@@ -503,10 +500,6 @@ fn materials(cases: &mut Vec<Case>) {
             let mut group = group(cases, name);
             let case = group.add(what, &room, Lights::scattered(kind));
             case.expected = expected;
-            // Its weights bound what lobes do: a coat's peak takes nearly all samples from lights that bring more.
-            if kind == Kind::Traced && name == "roughness 0 to 1" {
-                case.hopeless = Some("importance");
-            }
         };
         for roughness in [0.0, 1e-6, 0.03, 0.1, 0.5, 1.0] {
             for metal in [0, 1] {

@@ -242,10 +242,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("a.exr");
         let others = [
-            ".a.exr.swp",
             ".a.exr.b0c1d2.tmp.x",
             ".a.exr.long-0.tmp",
             ".a.exr.more.b0c1d2.tmp",
+            ".a.exr.swp",
             ".b.exr.b0c1d2.tmp",
             "a.exr",
         ];

@@ -73,7 +73,12 @@ mod tests {
     #[test]
     fn a_property_that_fails_or_has_no_case_is_told() {
         let panics = |what: &dyn Fn()| catch_unwind(AssertUnwindSafe(what)).is_err();
-        let even = || property(50, |u| Ok(assert_eq!(u.arbitrary::<u8>()? % 2, 0, "odd")));
+        let even = || {
+            property(50, |u| {
+                assert_eq!(u.arbitrary::<u8>()? % 2, 0, "odd");
+                Ok(())
+            });
+        };
         assert!(panics(&even), "half of all bytes are odd");
         let endless = || {
             property(50, |_| Err(arbtest::arbitrary::Error::NotEnoughData));

@@ -158,7 +158,8 @@ mod tests {
     )";
 
     fn groups(spec: &Spec) -> Vec<Group> {
-        plan(spec, Path::new("e.ron"), &["a.ron".into(), "b.ron".into()])
+        let paths = ["a.ron".into(), "b.ron".into()];
+        plan(spec, Path::new("e.ron"), &paths, MemoryLimit::default())
     }
 
     #[test]

@@ -302,8 +302,7 @@ mod tests {
                     render.counters();
                 }
                 Ok(())
-            })
-            .budget_ms(500);
+            });
         });
     }
 }

@@ -313,9 +313,11 @@ fn a_mapped_hole_lets_rays_through_and_its_surround_does_not() {
 
 #[test]
 fn wide_and_narrow_instructions_give_the_same_bits() {
-    let scene = soup(5000);
+    // Miri is a thousand times slower.
+    let many = if cfg!(miri) { 100 } else { 5000 };
+    let scene = soup(many);
     let tracer = Tracer::build(&scene);
-    let rays = rays_through(&scene, 5000);
+    let rays = rays_through(&scene, many);
     let bits =
         |hit: Option<Hit>| hit.map(|h| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits()));
     for ray in &rays {
@@ -336,8 +338,8 @@ fn wide_and_narrow_instructions_give_the_same_bits() {
     assert!(wide == narrow, "queued rays");
     let hits = wide.iter().filter(|hit| **hit).count();
     assert!(
-        hits > 500 && hits < 4500,
-        "{hits} hits of 5000: both answers are compared"
+        hits > many / 20 && hits < many * 9 / 10,
+        "{hits} hits of {many}: both answers are compared"
     );
 }
 
