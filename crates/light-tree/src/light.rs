@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use crate::cone::Cone;
 
-/// Index of a light in a [`LightSet`].
+/// Index of a light in a [`LightSet`](crate::LightSet).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct LightId(pub u32);
 

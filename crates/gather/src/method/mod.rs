@@ -34,7 +34,7 @@ pub use multidimensional::{Multidimensional, MultidimensionalSpec};
 pub use power::{Power, PowerSpec};
 pub use shared_cuts::BlockEdge;
 pub use stochastic_lightcuts::{
-    RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping,
+    DeadBranches, RunningTotalSpec, StochasticLightcuts, StochasticLightcutsSpec, Stopping, Weights,
 };
 pub use stratified_lightcuts::{StratifiedLightcuts, StratifiedLightcutsSpec};
 pub use uniform::{Uniform, UniformSpec};

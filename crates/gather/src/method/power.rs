@@ -15,7 +15,7 @@ use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
-/// Draws `samples` lights, independently, with probabilities in proportion to [`powers`]. Unbiased; no tree is
+/// Draws `samples` lights, independently, with probabilities in proportion to power. Unbiased; no tree is
 /// built.
 #[derive(Debug)]
 pub struct Power {
