@@ -6,13 +6,12 @@
     tests/peers/race.py mitsuba $MANYLIGHT_SCENES/sponza
 
 Each renderer is compared with a reference of its own, of two halves whose difference says how noisy it is; that noise is
-subtracted. The scene is matte, without cut-outs, for all. Seconds are those of the processor beyond a picture of one sample a
-pixel, so that loading and building do not count; relmse is inverse to them in pictures that are nothing but noise, and what
-each needs to reach the goal is read off a line through its two best pictures in log-log. Pictures of the renderers are made in turns.
+subtracted. The scene is matte, without cut-outs, for all. Seconds are the processor's: what the largest picture took beyond one of a
+single sample, by sample, so that loading and building do not count. What each needs to reach the goal is read off a line
+through the two pictures nearest to it in log-log. The renderers take turns.
 """
 
 import argparse
-import json
 import math
 import os
 import subprocess
@@ -40,11 +39,12 @@ class Here:
     def render(self, spp, seed):
         name = f"manylight-{self.method}-{seed}-{spp}"
         size = "x".join(map(str, self.given.size))
+        before = os.times()
         subprocess.run([self.given.manylight, "render", self.run, "--method", self.method, "--spp", str(spp), "--seed", str(seed),
                         "--size", size, "--threads", "1", "--out", self.given.out, "--name", name, "--quiet"], check=True)
-        report = json.load(open(os.path.join(self.given.out, name + ".json")))
-        # One thread, so a thread's seconds are the processor's but for what other programs took of it.
-        return pixels(os.path.join(self.given.out, name + ".exr")), sum(report["thread_seconds"].values())
+        after = os.times()
+        seconds = after.children_user + after.children_system - before.children_user - before.children_system
+        return pixels(os.path.join(self.given.out, name + ".exr")), seconds
 
 
 class Cycles:
@@ -52,6 +52,7 @@ class Cycles:
 
     def __init__(self, given, tree):
         import bpy
+        from mathutils import Matrix
 
         self.name = "Cycles, " + ("light tree" if tree else "lights by power")
         self.given, self.tree = given, tree
@@ -72,7 +73,7 @@ class Cycles:
         right /= np.linalg.norm(right)
         rows = np.stack([right, np.cross(back, right), back, look["origin"]], axis=1)
         camera = bpy.data.objects.new("manylight camera", bpy.data.cameras.new("camera"))
-        camera.matrix_world = [*rows.tolist(), [0, 0, 0, 1]]
+        camera.matrix_world = Matrix([*rows.tolist(), [0, 0, 0, 1]])
         camera.data.sensor_fit = "VERTICAL"
         camera.data.angle = math.radians(fov_y_deg(text))
         camera.data.clip_start, camera.data.clip_end = 1e-3, 1e6
@@ -238,12 +239,14 @@ def main():
             image, seconds = racer.render(ladder[step], 1)
             reference, noise = references[ours[0] if racer in ours else peers[0]]
             error = relmse(image, reference) - noise
-            seconds -= 0 if racer in ours else idle[racer]
             found[racer].append((ladder[step], seconds, error))
             print(f"{racer.name}: {ladder[step]} spp, {seconds:.2f} s, relmse {error:.2e}", flush=True)
     print(f"\nprocessor seconds to relmse {given.goal}, {given.folder}, {given.size[0]}x{given.size[1]}, direct light")
     first = None
     for racer, rows in found.items():
+        most, seconds, _ = rows[-1]
+        a_sample = (seconds - idle[racer]) / (most - 1)
+        rows = [(spp, a_sample * spp, error) for spp, _, error in rows]
         near = sorted(rows, key=lambda row: abs(math.log(row[2] / given.goal)))[:2]
         (_, t0, e0), (_, t1, e1) = sorted(near)
         slope = math.log(e1 / e0) / math.log(t1 / t0)
