@@ -7,8 +7,8 @@
 
 Each renderer is compared with a reference of its own, of two halves whose difference says how noisy it is; that noise is
 subtracted. The scene is matte, without cut-outs, for all. Seconds are the processor's: what the largest picture took beyond one of a
-single sample, by sample, so that loading and building do not count. What each needs to reach the goal is read off a line
-through the two pictures nearest to it in log-log. The renderers take turns.
+single sample, by sample, so that loading and building do not count. What each needs to reach the goal is read off between the
+two pictures about it in log-log, or from the last one as if its error were noise alone. The renderers take turns.
 """
 
 import argparse
@@ -205,6 +205,15 @@ def copy_matte(source, target):
                     out.write(line)
 
 
+def time_to(goal, rows):
+    """Seconds to an error of `goal`, from rising seconds and their errors: between two in log-log, or as noise falls, by 1 / seconds."""
+    for (t0, e0), (t1, e1) in zip(rows, rows[1:]):
+        if e0 >= goal > e1:
+            return t0 * (t1 / t0) ** (math.log(goal / e0) / math.log(e1 / e0))
+    seconds, error = rows[-1] if rows[-1][1] > goal else rows[0]
+    return seconds * error / goal
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("peer", choices=["cycles", "mitsuba"])
@@ -247,10 +256,7 @@ def main():
         most, seconds, _ = rows[-1]
         a_sample = (seconds - idle[racer]) / (most - 1)
         rows = [(spp, a_sample * spp, error) for spp, _, error in rows]
-        near = sorted(rows, key=lambda row: abs(math.log(row[2] / given.goal)))[:2]
-        (_, t0, e0), (_, t1, e1) = sorted(near)
-        slope = math.log(e1 / e0) / math.log(t1 / t0)
-        needed = t0 * (given.goal / e0) ** (1 / slope)
+        needed = time_to(given.goal, [(seconds, error) for _, seconds, error in rows])
         first = first or needed
         print(f"{racer.name:36s} {needed:8.2f} s   {needed / first:6.2f} x")
 
