@@ -52,20 +52,3 @@ fn the_whole() {
     eprintln!("{}", table::markdown(&findings));
     assert_sound(&findings);
 }
-
-#[test]
-#[ignore = "temporary"]
-fn roughness_only() {
-    let mut cases = conditions::all(false);
-    cases.retain(|c| c.group == "roughness 0 to 1");
-    let all = cases
-        .par_iter()
-        .with_max_len(1)
-        .map(|case| check(case, 7101));
-    let findings = all.collect::<Vec<_>>().concat();
-    eprintln!("{}", table::markdown(&findings));
-    for f in findings.iter().filter(|f| f.what.contains("importance")) {
-        eprintln!("{} {:?}", f.what, f.off_all);
-    }
-    assert_sound(&findings);
-}

@@ -59,17 +59,8 @@ pub fn filled(template: &str, value: impl Fn(&str) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_results::image;
     use glam::Vec3;
-
-    fn image(brightest: f32) -> Image {
-        Image {
-            width: 32,
-            height: 18,
-            pixels: (0..32 * 18)
-                .map(|i| Vec3::splat(brightest * (i as f32 + 1.0) / 576.0))
-                .collect(),
-        }
-    }
 
     #[test]
     fn half_floats_keep_three_digits_of_any_brightness() {

@@ -290,19 +290,8 @@ fn write_picture(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_results::results;
+    use crate::test_results::{image, results};
     use film::{Metadata, Picture};
-    use glam::Vec3;
-
-    fn image(brightest: f32) -> Image {
-        Image {
-            width: 32,
-            height: 18,
-            pixels: (0..32 * 18)
-                .map(|i| Vec3::splat(brightest * (i as f32 + 1.0) / 576.0))
-                .collect(),
-        }
-    }
 
     fn page(change: fn(&mut Results)) -> (tempfile::TempDir, String) {
         let folder = tempfile::tempdir().expect("temporary folder");

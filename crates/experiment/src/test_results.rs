@@ -1,9 +1,23 @@
 //! Made-up results for the tests of tables, plots and the page.
 
+use film::Image;
+use glam::Vec3;
+
 use crate::{
     Cell, Coordinates, Error, Figures, Machine, Outcome, Pass, Phases, Reference, Results,
     SceneView, Seconds,
 };
+
+/// A grey ramp, from nearly black to `brightest`.
+pub(crate) fn image(brightest: f32) -> Image {
+    Image {
+        width: 32,
+        height: 18,
+        pixels: (0..32 * 18)
+            .map(|i| Vec3::splat(brightest * (i as f32 + 1.0) / 576.0))
+            .collect(),
+    }
+}
 
 /// Two methods, of which one failed in one of two scenes.
 pub(crate) fn results() -> Results {

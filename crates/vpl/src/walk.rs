@@ -352,27 +352,31 @@ mod tests {
         traced(&box_with(emitter, sky), 200_000, 8).1.virtual_flux[1]
     }
 
-    #[test]
-    fn every_kind_of_light_emits_its_power() {
-        let pi = std::f64::consts::PI;
-        // Inside, half of what arrives is sent on, eight times over.
-        let inside: f64 = (1..=8).map(|k| 0.5f64.powi(k)).sum();
-        let spot = |cos_inner, cos_outer| Emitter::Spot {
+    fn spot(cos_inner: f32, cos_outer: f32) -> Emitter {
+        Emitter::Spot {
             position: Vec3::new(0.2, 0.3, -0.1),
             direction: Vec3::new(0.6, 0.0, 0.8),
             intensity: Vec3::splat(2.0),
             cos_inner,
             cos_outer,
-        };
-        let triangle = Emitter::Triangle {
-            triangle: 12,
-            radiance: Vec3::splat(3.0),
-            peak: 1.0,
-        };
-        let parallel = Emitter::Directional {
-            direction: Vec3::NEG_Z,
-            irradiance: Vec3::splat(1.5),
-        };
+        }
+    }
+
+    const TRIANGLE: Emitter = Emitter::Triangle {
+        triangle: 12,
+        radiance: Vec3::splat(3.0),
+        peak: 1.0,
+    };
+    const PARALLEL: Emitter = Emitter::Directional {
+        direction: Vec3::NEG_Z,
+        irradiance: Vec3::splat(1.5),
+    };
+
+    #[test]
+    fn every_kind_of_light_emits_its_power() {
+        let pi = std::f64::consts::PI;
+        // Inside, half of what arrives is sent on, eight times over.
+        let inside: f64 = (1..=8).map(|k| 0.5f64.powi(k)).sum();
         let sky = Environment::constant(Vec3::ONE);
         for (name, found, power, sent) in [
             (
@@ -397,12 +401,12 @@ mod tests {
             // Both sides of an area of 1/8.
             (
                 "triangle",
-                sent_on(Some(triangle), None),
+                sent_on(Some(TRIANGLE), None),
                 2.0 * pi * 3.0 / 8.0,
                 inside,
             ),
             // From outside a convex body, which sends it away: one face of 4, all faces of 24.
-            ("parallel", sent_on(Some(parallel), None), 1.5 * 4.0, 0.5),
+            ("parallel", sent_on(Some(PARALLEL), None), 1.5 * 4.0, 0.5),
             ("sky", sent_on(None, sky), pi * 24.0, 0.5),
         ] {
             let ratio = found / (power * sent);
@@ -413,33 +417,17 @@ mod tests {
 
     #[test]
     fn extreme_random_numbers_leave_finite_lights_of_every_kind_of_source() {
-        let spot = |cos_inner, cos_outer| Emitter::Spot {
-            position: Vec3::new(0.2, 0.3, -0.1),
-            direction: Vec3::new(0.6, 0.0, 0.8),
-            intensity: Vec3::splat(2.0),
-            cos_inner,
-            cos_outer,
-        };
         let point = Emitter::Point {
             position: Vec3::new(0.2, 0.3, -0.1),
             intensity: Vec3::ONE,
-        };
-        let triangle = Emitter::Triangle {
-            triangle: 12,
-            radiance: Vec3::splat(3.0),
-            peak: 1.0,
-        };
-        let parallel = Emitter::Directional {
-            direction: Vec3::NEG_Z,
-            irradiance: Vec3::ONE,
         };
         let emitters = [
             point,
             spot(0.5, 0.5),
             spot(1.0, 0.5),
             spot(-1.0, -1.0),
-            triangle,
-            parallel,
+            TRIANGLE,
+            PARALLEL,
         ];
         let skies = [Environment::constant(Vec3::ONE)].into_iter();
         let sources = emitters.map(|e| (Some(e), None)).into_iter();
