@@ -19,8 +19,8 @@ Begin with a built-in scene:
   manylight config run > nave/run.ron
   manylight render nave/run.ron --size 480x270 --spp 8
 
-`manylight COMMAND --help` has examples of each command; `manylight config run` prints a run file with all that can
-be set.";
+`manylight COMMAND --help` has examples of each command.
+`manylight config run` prints a run file with all that can be set.";
 
     pub(crate) const RENDER: &str = "\
 Examples:
