@@ -308,6 +308,23 @@ fn a_gltf_file_needs_no_run_file() {
 }
 
 #[test]
+fn a_scene_file_needs_no_run_file_either() {
+    let folder = Folder::with_room();
+    let flags = "--size 16x16 --spp 2 --set lights.count=100";
+    folder
+        .run(&format!("render scene/scene.ron --name of_scene {flags}"))
+        .fine();
+    folder.write("run.ron", "(scene: \"scene/scene.ron\", lights: Virtual)");
+    folder
+        .run(&format!("render run.ron --name of_run {flags}"))
+        .fine();
+    let [of_scene, of_run] =
+        ["out/of_scene.exr", "out/of_run.exr"].map(|name| folder.picture(name));
+    assert_eq!(of_scene.radiance, of_run.radiance, "lit by virtual lights");
+    folder.run("check scene/scene.ron").fine();
+}
+
+#[test]
 fn set_changes_any_field() {
     let folder = Folder::with_room();
     let ran = folder.run_words(&[

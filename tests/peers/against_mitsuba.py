@@ -10,7 +10,7 @@ Mitsuba has as a blend of diffuse and roughconductor; its masking and shadowing 
 correlated by height, which differs by Λ²: keep to Ns of 30 and more. Each renderer makes two pictures of different seeds, so that
 the noise of either is known. Mitsuba chooses lights uniformly: with many of them it needs --peer-spp of several times --spp, or what few
 samples hold of the light of rare paths makes its pictures too bright or too dark by more than their halves' difference tells; or
---every N, by which both render under every N-th of the points alone.
+--every N, by which both render under every N-th of the points alone; or --lamp-by-lamp, by which it has nothing to choose.
 SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
 lights shine to one side: each emissive triangle becomes two, a little apart.
 """
@@ -180,6 +180,20 @@ def sensor(text, size):
     }
 
 
+def move_lamp(loaded, lamp):
+    """Makes the only lamp, light0, the given one."""
+    parameters = mi.traverse(loaded)
+    for key, name, kind in (("position", "position", mi.Point3f), ("intensity.value", "intensity", mi.Color3f)):
+        value = kind(triple(lamp, name))
+        if mi.variant() != "scalar_rgb":
+            import drjit
+
+            # As a constant it would be compiled into the kernel, anew for each lamp.
+            drjit.make_opaque(value)
+        parameters["light0." + key] = value
+    parameters.update()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder")
@@ -189,6 +203,7 @@ def main():
     parser.add_argument("--size", type=int, nargs=2, default=[128, 128])
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--peer-spp", type=int, help="Mitsuba's; --spp where not given")
+    parser.add_argument("--lamp-by-lamp", action="store_true", help="Mitsuba lights one point at a time, each with --peer-spp, and adds up")
     parser.add_argument("--every", type=int, default=1, help="of the file's points only every so many-th")
     parser.add_argument("--method", default="stochastic-lightcuts")
     parser.add_argument("--manylight", default="target/release/manylight")
@@ -240,7 +255,8 @@ def main():
         "sensor": sensor(text, given.size),
     }
     scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive, given.glossy).values())})
-    for i, point in enumerate(lamps):
+    by_lamp = lamps if given.lamp_by_lamp else [None]
+    for i, point in enumerate(lamps[:1] if given.lamp_by_lamp else lamps):
         scene[f"light{i}"] = {"type": "point", "position": triple(point, "position"),
                               "intensity": {"type": "rgb", "value": triple(point, "intensity")}}
     loaded = mi.load_dict(scene)
@@ -249,8 +265,12 @@ def main():
         # In passes, since a wavefront holds all of a pass's paths.
         passes = 1 if given.variant == "scalar_rgb" else max(1, peer_spp // 1024)
         sums = 0.0
-        for k in range(passes):
-            sums = sums + np.array(mi.render(loaded, seed=seed * passes + k, spp=peer_spp // passes), dtype=np.float64)
+        for i, lamp in enumerate(by_lamp):
+            if lamp:
+                move_lamp(loaded, lamp)
+            for k in range(passes):
+                stream = (seed * len(by_lamp) + i) * passes + k
+                sums = sums + np.array(mi.render(loaded, seed=stream, spp=peer_spp // passes), dtype=np.float64)
         mi.Bitmap((sums / passes).astype(np.float32)).write(path)
     seconds = time.time() - started
     halves = [[pixels(path) for path in paths] for paths in (ours, peers)]

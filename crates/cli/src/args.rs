@@ -65,7 +65,7 @@ const COURSE: &str = "Limits, and going on";
 /// A run file and what overrides it.
 #[derive(Debug, Args)]
 pub(crate) struct JobArgs {
-    /// Run file (RON)
+    /// Run file (RON), or a scene: scene.ron, .glb, .gltf
     pub(crate) config: PathBuf,
     /// Method, with its default settings
     #[arg(long, value_name = "NAME", value_parser = method(), help_heading = PICTURE)]

@@ -26,6 +26,7 @@ Begin with a built-in scene:
 Examples:
   manylight render run.ron                                    as the run file says, into out/run.*
   manylight render scene.glb --size 480x270 --spp 16          a glTF file, with its own camera and lights
+  manylight render scene.ron --size 480x270 --spp 16          or a scene, without a run file
   manylight render run.ron --method lightcuts --name cuts     another method, beside the first
   manylight render run.ron --set lights.count=20000           any field: see `manylight config run`
   manylight render run.ron --max-seconds 60                   what a minute gives; --resume goes on from there

@@ -329,9 +329,23 @@ pub(crate) struct Job {
     pub(crate) limit: MemoryLimit,
 }
 
+/// The text of the run file; where `file` is a scene, that of a run file that renders it.
+fn run_text(file: &Path) -> Result<String, CliError> {
+    // What a scene is usually made for: all light, direct and reflected.
+    let of_scene = |name: &str| format!("(scene: {name:?}, lights: Virtual)");
+    if let Some(name) = scene::load::gltf_name(file) {
+        return Ok(of_scene(name));
+    }
+    let text = ron_file::read_text(file)?;
+    match file.file_name().and_then(|name| name.to_str()) {
+        Some(name) if ron_file::has_field(&text, "geometry") => Ok(of_scene(name)),
+        _ => Ok(text),
+    }
+}
+
 impl Job {
-    /// Reads the run file and applies what the command line overrides. A glTF file in its place is a scene with its
-    /// own camera and lights, rendered with virtual lights and else by default.
+    /// Reads the run file and applies what the command line overrides. A glTF file or a `scene.ron` in its place is
+    /// rendered with virtual lights and else by default.
     pub(crate) fn read(arguments: &JobArgs) -> Result<Self, CliError> {
         let mut overrides = Vec::new();
         if let Some(method) = &arguments.method {
@@ -343,11 +357,7 @@ impl Job {
         }
         overrides.extend(arguments.overrides.iter().cloned());
         let bare: Vec<&str> = BARE.iter().chain(MethodSpec::VARIANTS).copied().collect();
-        let text = match scene::load::gltf_name(&arguments.config) {
-            // What such a file is usually made for: all light, direct and reflected.
-            Some(name) => format!("(scene: {name:?}, lights: Virtual)"),
-            None => ron_file::read_text(&arguments.config)?,
-        };
+        let text = run_text(&arguments.config)?;
         let file = arguments.config.to_string_lossy();
         let spec: JobSpec = ron_file::parse(&file, &text, &overrides, &bare)?;
         if let Some(message) = spec.integrator.conflict(&spec.lights) {

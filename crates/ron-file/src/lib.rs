@@ -26,6 +26,7 @@ use serde::de::DeserializeOwned;
 
 use edit::{Edited, Origin};
 pub use set::Override;
+use tree::Tree;
 
 /// A RON text that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -119,6 +120,14 @@ pub fn text<'a>(name: &str, bytes: &'a [u8]) -> Result<&'a str, RonError> {
     Err(file_error(name, valid, valid.len(), message))
 }
 
+/// Whether the outermost value of `text` has a field of that name, by which files of different kinds are told
+/// apart; false for text that is not RON.
+pub fn has_field(text: &str, name: &str) -> bool {
+    let tree = Tree::new(text.strip_prefix('\u{FEFF}').unwrap_or(text));
+    tree.root()
+        .is_some_and(|root| tree.fields(root, name).next().is_some())
+}
+
 /// Reads `text` into a `T`, after putting in the `overrides`. `name` is the file's name for messages.
 ///
 /// `variants_with_fields` lists the enum variants that hold named fields and may be written without
@@ -188,7 +197,7 @@ pub fn overridden(
 /// Where the value at `path` (`lights[3].intensity`) is in a text, for checks that come after reading.
 pub fn place(text: &str, path: &str) -> Option<Place> {
     let shift = text.len() - text.trim_start_matches('\u{FEFF}').len();
-    let tree = tree::Tree::new(&text[shift..]);
+    let tree = Tree::new(&text[shift..]);
     let at = tree.node(tree.find(&path::parse(path)?)?).span.start;
     let (line, column) = scan::line_column(&text[shift..], at);
     Some(Place { line, column })

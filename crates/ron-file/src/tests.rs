@@ -554,3 +554,18 @@ fn a_text_with_overrides_put_in_needs_none() {
     let misfit = "image.spp.x=1".parse().expect("an override");
     assert!(overridden(text, &[misfit], &[]).is_err(), "no such place");
 }
+
+#[test]
+fn a_field_of_the_outermost_value_is_found() {
+    assert!(has_field(
+        "// a scene\n(geometry: [\"a.obj\"], lights: [])",
+        "geometry"
+    ));
+    assert!(!has_field("(scene: (geometry: []))", "geometry"), "deeper");
+    assert!(
+        !has_field("(scene: \"geometry: x\")", "geometry"),
+        "in a text"
+    );
+    assert!(!has_field("", "geometry"), "empty");
+    assert!(!has_field("geometry: ((((", "geometry"), "not RON");
+}
