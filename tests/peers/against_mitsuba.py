@@ -11,6 +11,8 @@ correlated by height, which differs by Λ²: keep to Ns of 30 and more. Each ren
 the noise of either is known. Mitsuba chooses lights uniformly: with many of them it needs --peer-spp of several times --spp, or what few
 samples hold of the light of rare paths makes its pictures too bright or too dark by more than their halves' difference tells; or
 --every N, by which both render under every N-th of the points alone; or --lamp-by-lamp, by which it has nothing to choose.
+Where normals at corners face away from the viewer, as on some leaves in Sponza, manylight bends them to the visible side and
+Mitsuba turns them around: --facets renders by the triangles' own.
 SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
 lights shine to one side: each emissive triangle becomes two, a little apart.
 """
@@ -180,6 +182,15 @@ def sensor(text, size):
     }
 
 
+def without_normals(path):
+    for line in open(path, errors="replace"):
+        words = line.split()
+        if words[:1] == ["f"]:
+            yield " ".join(["f", *("/".join(corner.split("/")[:2]) for corner in words[1:])]) + "\n"
+        elif words[:1] != ["vn"]:
+            yield line
+
+
 def move_lamp(loaded, lamp):
     """Makes the only lamp, light0, the given one."""
     parameters = mi.traverse(loaded)
@@ -203,6 +214,7 @@ def main():
     parser.add_argument("--size", type=int, nargs=2, default=[128, 128])
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--peer-spp", type=int, help="Mitsuba's; --spp where not given")
+    parser.add_argument("--facets", action="store_true", help="without the file's normals")
     parser.add_argument("--lamp-by-lamp", action="store_true", help="Mitsuba lights one point at a time, each with --peer-spp, and adds up")
     parser.add_argument("--every", type=int, default=1, help="of the file's points only every so many-th")
     parser.add_argument("--method", default="stochastic-lightcuts")
@@ -230,6 +242,8 @@ def main():
         if name == os.path.basename(mtl) and not given.glossy:
             lines = [line for line in open(source, errors="replace") if line.split()[:1] != ["Ks"]]
             open(link, "w").writelines(lines)
+        elif name == os.path.basename(obj) and given.facets:
+            open(link, "w").writelines(without_normals(source))
         elif name not in ("scene.ron", "lights.ron"):
             os.symlink(source, link)
     lamps = []
@@ -254,7 +268,7 @@ def main():
         "integrator": {"type": "volpath" if cut_out else "path", "max_depth": given.bounces + 2, "rr_depth": 3},
         "sensor": sensor(text, given.size),
     }
-    scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, obj, mtl, emissive, given.glossy).values())})
+    scene.update({f"shape{i}": s for i, s in enumerate(shapes(given.folder, os.path.join(copy, os.path.basename(obj)), mtl, emissive, given.glossy).values())})
     by_lamp = lamps if given.lamp_by_lamp else [None]
     for i, point in enumerate(lamps[:1] if given.lamp_by_lamp else lamps):
         scene[f"light{i}"] = {"type": "point", "position": triple(point, "position"),

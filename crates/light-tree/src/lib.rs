@@ -11,6 +11,7 @@ mod error_bound;
 mod light;
 mod lights;
 mod lobe;
+mod opening;
 mod order;
 mod prefetch;
 mod representative;

@@ -5,8 +5,9 @@ use std::collections::BinaryHeap;
 
 use crate::bounds::Receiver;
 use crate::light::LightId;
+use crate::opening::{Opening, Row};
 use crate::select::BELOW_ONE;
-use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
+use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, Weighed, WideTree};
 
 /// A partition of all lights into clusters, good for receivers near each other.
 ///
@@ -14,7 +15,7 @@ use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
 /// for others. Clusters lie in the tree's order, so that neighbours in the list are neighbours in space.
 #[derive(Debug, Default)]
 pub struct SharedCut {
-    blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
     /// ‖Iᴰ‖ of each block's clusters; empty when there is none.
     parallel: Vec<Lanes>,
     len: usize,
@@ -150,12 +151,18 @@ impl SharedCut {
     /// Works out how much each cluster is expected to bring to `receiver` if nothing is in the way: > 0 wherever any of
     /// its lights brings anything.
     pub fn weigh(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
-        draws.weights.clear();
-        tree.weigh_all(&self.blocks, receiver, &mut draws.weights);
+        draws.weighed.clear();
+        tree.weigh_all(&self.blocks, receiver, &mut draws.weighed);
         let parallel = self.blocks.iter().zip(&self.parallel);
-        for ((block, parallel), weights) in parallel.zip(&mut draws.weights) {
-            block.add_parallel(receiver, parallel, weights);
+        for ((block, parallel), weighed) in parallel.zip(&mut draws.weighed) {
+            block.add_parallel(receiver, parallel, &mut weighed.weights);
         }
+        draws.weights.clear();
+        draws
+            .weights
+            .extend(draws.weighed.iter().map(|w| w.weights));
+        draws.rows.clear();
+        draws.rows.extend((0..self.blocks.len()).map(Row::of_cut));
     }
 
     /// Draws one light from the `i`-th cluster; `None` when nothing in it can light the receiver.
@@ -201,9 +208,9 @@ impl SharedCut {
         // Taking some out lowers the bar for the others. What is left has a weight, and so needs a sample.
         while total > 0.0 {
             let bar = total / f64::from(left);
-            let taken = draws.take_certain(self, bar);
+            let taken = draws.take_certain(self, tree, bar);
             if taken == 0 {
-                draws.pick(self, left, u, bar);
+                draws.pick(self, tree, left, u, bar);
                 break;
             }
             left = left.saturating_sub(taken).max(1);
@@ -254,7 +261,12 @@ pub struct Drawn {
 /// Weights, picks and lights of one receiver; memory is kept from receiver to receiver.
 #[derive(Debug, Default)]
 pub struct Draws {
-    weights: Vec<Lanes>,
+    pub(crate) weights: Vec<Lanes>,
+    /// What the weights belong to.
+    pub(crate) rows: Vec<Row>,
+    /// Weights of the cut itself.
+    pub(crate) weighed: Vec<Weighed>,
+    pub(crate) opening: Opening,
     /// Running sums of the weights, block by block.
     sums: Vec<f64>,
     pub(crate) picks: Vec<Pick>,
@@ -283,11 +295,13 @@ impl Draws {
         self.weights[i / WIDTH][i % WIDTH]
     }
 
-    /// Multiplies the weights by `factors`, > 0, one for each cluster.
+    /// Multiplies the weights by `factors`, > 0, one for each cluster, or none at all.
     pub fn scale(&mut self, factors: &[f32]) {
-        for (weights, factors) in self.weights.iter_mut().zip(factors.chunks(WIDTH)) {
-            for (weight, factor) in weights.iter_mut().zip(factors) {
-                *weight *= factor;
+        let shared = self.weights.iter_mut().zip(&mut self.weighed);
+        for ((weights, weighed), factors) in shared.zip(factors.chunks(WIDTH)) {
+            for (lane, factor) in factors.iter().enumerate() {
+                weights[lane] *= factor;
+                weighed.peaks[lane] *= factor;
             }
         }
     }
@@ -299,7 +313,7 @@ impl Draws {
 
     /// Sums up the weights. Eight at a time in `f32`: a share of 10⁻⁷ lost in one block is lost for good, but to the
     /// same extent in the choice within the block, which is made by the weights themselves.
-    fn sum(&mut self) -> f64 {
+    pub(crate) fn sum(&mut self) -> f64 {
         self.sums.clear();
         let mut sum = 0.0;
         for w in &self.weights {
@@ -311,12 +325,13 @@ impl Draws {
     }
 
     /// Takes every single light whose weight is at least `bar`, and says how many there were.
-    fn take_certain(&mut self, cut: &SharedCut, bar: f64) -> u32 {
+    fn take_certain(&mut self, cut: &SharedCut, tree: &WideTree, bar: f64) -> u32 {
         let mut taken = 0;
-        for (block, weights) in cut.blocks.iter().zip(&mut self.weights) {
+        for (row, weights) in self.rows.iter().zip(&mut self.weights) {
             if weights.iter().all(|&w| f64::from(w) < bar) {
                 continue;
             }
+            let block = cut.block(tree, *row);
             for (w, cluster) in weights.iter_mut().zip(block.clusters) {
                 if f64::from(*w) >= bar
                     && let Some(light) = cluster.light()
@@ -334,7 +349,7 @@ impl Draws {
     }
 
     /// Picks clusters at distances `step` along their weights.
-    fn pick(&mut self, cut: &SharedCut, count: u32, u: f64, step: f64) {
+    fn pick(&mut self, cut: &SharedCut, tree: &WideTree, count: u32, u: f64, step: f64) {
         let mut block = 0;
         // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
         let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
@@ -362,7 +377,7 @@ impl Draws {
             }
             if let Some((lane, w, u)) = picked {
                 self.picks.push(Pick {
-                    cluster: cut.cluster(block * WIDTH + lane),
+                    cluster: cut.block(tree, self.rows[block]).clusters[lane],
                     expected: w / step,
                     u: u.clamp(0.0, BELOW_ONE),
                 });

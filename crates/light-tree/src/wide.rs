@@ -1,6 +1,9 @@
 //! An eight-way light tree: the children of a node are weighed all at once.
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::Vec3A;
+use sampling::ggx_density;
 
 use crate::bounds::Receiver;
 use crate::cone::Cone;
@@ -102,6 +105,51 @@ impl Block {
 pub(crate) struct Seen {
     position: Vec3A,
     normal: Vec3A,
+    lobe: Option<SeenLobe>,
+}
+
+/// The lobe of a glossy point, as a share of all that it reflects. What Fresnel reflection adds far off the mirror direction is
+/// left out: an estimate may be low where it matters little.
+#[derive(Debug, Clone, Copy)]
+struct SeenLobe {
+    axis: Vec3A,
+    /// Of a matte surface that reflects as much this were 1.
+    diffuse: f32,
+    /// Times the density of facets.
+    near: f32,
+    alpha2: f32,
+}
+
+impl SeenLobe {
+    /// What a matte point has.
+    const NONE: Self = Self {
+        axis: Vec3A::ZERO,
+        diffuse: 1.0,
+        near: 0.0,
+        alpha2: 1.0,
+    };
+
+    fn of(receiver: &Receiver) -> Option<Self> {
+        let lobe = receiver.lobe()?;
+        let axis = Vec3A::from(lobe.axis);
+        // Directions lie four times as densely as the facets that mirror them, times the cosine.
+        let cos = receiver.normal().dot(axis).max(0.0);
+        let all = lobe.diffuse + 4.0 * FRAC_1_PI * lobe.near * cos;
+        (all > 0.0 && all.is_finite()).then(|| Self {
+            axis,
+            diffuse: lobe.diffuse / all,
+            near: lobe.near / all,
+            alpha2: lobe.alpha2,
+        })
+    }
+}
+
+/// Weights of eight clusters.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Weighed {
+    pub(crate) weights: Lanes,
+    /// What each would weigh, were all its lights where they bring most.
+    pub(crate) peaks: Lanes,
 }
 
 /// The tree. Its clusters' weights are estimates of what they bring, not bounds; but they are 0 only where nothing
@@ -216,11 +264,12 @@ impl WideTree {
         Seen {
             position: receiver.position() * self.scale,
             normal: receiver.normal(),
+            lobe: SeenLobe::of(receiver),
         }
     }
 
     /// Weights of many blocks' clusters, parallel light apart.
-    pub(crate) fn weigh_all(&self, blocks: &[Block], receiver: &Receiver, out: &mut Vec<Lanes>) {
+    pub(crate) fn weigh_all(&self, blocks: &[Block], receiver: &Receiver, out: &mut Vec<Weighed>) {
         let seen = self.seen(receiver);
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
@@ -240,16 +289,26 @@ impl WideTree {
     /// The same code and the same bits, eight lanes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn weigh_all_avx2(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Lanes>) {
+    fn weigh_all_avx2(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Weighed>) {
         self.weigh_all_with(blocks, seen, out);
     }
 
     #[inline(always)]
-    fn weigh_all_with(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Lanes>) {
-        if self.oriented {
-            out.extend(blocks.iter().map(|b| b.weigh::<true, false>(seen)));
-        } else {
-            out.extend(blocks.iter().map(|b| b.weigh::<false, false>(seen)));
+    fn weigh_all_with(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Weighed>) {
+        // No iterator's adaptor: it would not be compiled for the wider instructions.
+        out.reserve(blocks.len());
+        for block in blocks {
+            out.push(self.weigh::<false>(block, seen));
+        }
+    }
+
+    #[inline(always)]
+    fn weigh<const BOUND: bool>(&self, block: &Block, seen: &Seen) -> Weighed {
+        match (self.oriented, &seen.lobe) {
+            (false, None) => block.weigh::<false, BOUND, false>(seen, &SeenLobe::NONE),
+            (true, None) => block.weigh::<true, BOUND, false>(seen, &SeenLobe::NONE),
+            (false, Some(lobe)) => block.weigh::<false, BOUND, true>(seen, lobe),
+            (true, Some(lobe)) => block.weigh::<true, BOUND, true>(seen, lobe),
         }
     }
 
@@ -322,7 +381,7 @@ impl WideTree {
                 let Some(block) = pick.cluster.block() else {
                     continue;
                 };
-                let weights = self.weights(block, receiver, seen);
+                let weights = self.weights(block, receiver, seen).weights;
                 let Some((lane, p, u)) = choose(&weights, pick.u) else {
                     *dead += 1;
                     continue;
@@ -369,7 +428,7 @@ impl WideTree {
             let Some(block) = cluster.block() else {
                 continue;
             };
-            let weights = self.weights(block, receiver, &seen);
+            let weights = self.weights(block, receiver, &seen).weights;
             let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
             if sum <= 0.0 {
                 dead += pmf;
@@ -384,11 +443,7 @@ impl WideTree {
 
     /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
     pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut bounds = if self.oriented {
-            self.blocks[block].weigh::<true, true>(seen)
-        } else {
-            self.blocks[block].weigh::<false, true>(seen)
-        };
+        let mut bounds = self.weigh::<true>(&self.blocks[block], seen).weights;
         if let Some(parallel) = self.parallel.get(block) {
             self.blocks[block].add_parallel(receiver, parallel, &mut bounds);
         }
@@ -397,16 +452,12 @@ impl WideTree {
 
     /// Weights of the clusters of a block.
     #[inline(always)]
-    pub(crate) fn weights(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut weights = if self.oriented {
-            self.blocks[block].weigh::<true, false>(seen)
-        } else {
-            self.blocks[block].weigh::<false, false>(seen)
-        };
+    pub(crate) fn weights(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Weighed {
+        let mut weighed = self.weigh::<false>(&self.blocks[block], seen);
         if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block].add_parallel(receiver, parallel, &mut weights);
+            self.blocks[block].add_parallel(receiver, parallel, &mut weighed.weights);
         }
-        weights
+        weighed
     }
 }
 
@@ -529,26 +580,34 @@ const COS_SLACK: f32 = 3e-7;
 
 impl Block {
     /// An estimate of I cos cos / d² of each cluster's lights together, > 0 wherever any of them is above both
-    /// horizons.
+    /// horizons. Of a glossy point its lobe takes the place of its share of the cosine.
     ///
     /// Heights above the horizons are spread evenly over the box (and the cone), and the mean of their positive
-    /// parts is taken; the squared distance is the mean over the box.
+    /// parts is taken; the squared distance is the mean over the box; the lobe is widened by the angle that the box
+    /// subtends.
     #[inline(always)]
-    pub(crate) fn weigh<const ORIENTED: bool, const BOUND: bool>(&self, seen: &Seen) -> Lanes {
-        let mut dist2 = [0.0f32; WIDTH];
+    fn weigh<const ORIENTED: bool, const BOUND: bool, const GLOSSY: bool>(
+        &self,
+        seen: &Seen,
+        lobe: &SeenLobe,
+    ) -> Weighed {
+        let mut centre2 = [0.0f32; WIDTH];
+        let mut half2 = [0.0f32; WIDTH];
         let mut least2 = [0.0f32; WIDTH];
         let mut far2 = [0.0f32; WIDTH];
         let mut height = [0.0f32; WIDTH];
         let mut reach = [0.0f32; WIDTH];
         let mut ahead = [0.0f32; WIDTH];
         let mut ahead_reach = [0.0f32; WIDTH];
+        let mut along = [0.0f32; WIDTH];
         for axis in 0..3 {
             let (p, n) = (seen.position[axis], seen.normal[axis]);
             for k in 0..WIDTH {
                 let (lo, hi) = (self.lo[axis][k] - p, self.hi[axis][k] - p);
                 let (c, h) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
                 let padded = h + SLACK * (c.abs() + h);
-                dist2[k] += c * c + h * h * (1.0 / 3.0);
+                centre2[k] += c * c;
+                half2[k] += h * h;
                 let near = (c.abs() - h).max(0.0);
                 least2[k] += near * near;
                 let far = c.abs() + padded;
@@ -560,22 +619,27 @@ impl Block {
                     ahead[k] -= a * c;
                     ahead_reach[k] += a.abs() * padded;
                 }
+                if GLOSSY {
+                    along[k] += lobe.axis[axis] * c;
+                }
             }
         }
-        let mut out = [0.0; WIDTH];
+        let mut out = Weighed::default();
         for k in 0..WIDTH {
             // The mean of 1/d² over distances spread evenly from a to b is 1/(ab).
             let (near2, radius) = (self.near2[k], self.radius[k]);
+            let (from2, to2) = (least2[k].max(near2), far2[k].max(near2));
             let falloff = if BOUND {
                 1.0 / least2[k].max(1.5 * radius * radius).max(NEAREST2)
             } else {
-                1.0 / (least2[k].max(near2) * far2[k].max(near2)).sqrt()
+                1.0 / (from2 * to2).sqrt()
             };
-            let d = 1.0 / dist2[k].max(near2).sqrt();
+            let d = 1.0 / (centre2[k] + half2[k] * (1.0 / 3.0)).max(near2).sqrt();
             // A sphere is lit by, or sends by way of, more than its centre; dark is what its centre says.
             let mut alive = (self.intensity[k] > 0.0) & (height[k] + reach[k] > 0.0);
-            let mut w =
-                self.intensity[k] * falloff * (mean_positive(height[k], reach[k] + radius) * d);
+            let reach = reach[k] + radius;
+            let cos = mean_positive(height[k], reach) * d;
+            let mut arriving = self.intensity[k] * falloff;
             if ORIENTED {
                 let cos = self.cos[k];
                 let sin = ((1.0 - cos + COS_SLACK) * (1.0 + cos)).max(0.0).sqrt();
@@ -583,12 +647,30 @@ impl Block {
                 let spread = ahead_reach[k] + sin * far2[k].sqrt();
                 let omni = cos <= -1.0;
                 let emitted = mean_positive(ahead[k], spread + radius) * d;
-                w *= if omni { 1.0 } else { emitted };
+                arriving *= if omni { 1.0 } else { emitted };
                 alive &= omni | (ahead[k] + spread > 0.0);
             }
+            let (mut reflected, mut most) = (cos, cos);
+            if GLOSSY {
+                let around2 = half2[k] + radius * radius;
+                let dist2 = (centre2[k] + around2).max(LEAST_DIST2);
+                // A facet turns by half the angle by which the direction does.
+                let alpha2 = (lobe.alpha2 + 0.25 * around2 / dist2).min(1.0);
+                let sin2 = 0.5 * (1.0 - along[k] / centre2[k].max(LEAST_DIST2).sqrt());
+                let above =
+                    ((height[k] + reach) / (2.0 * reach).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+                let mirrored = above * lobe.near * ggx_density(alpha2, sin2.clamp(0.0, 1.0));
+                reflected = lobe.diffuse * cos + mirrored;
+                most = lobe.diffuse * cos + mirrored * (alpha2 / lobe.alpha2);
+            }
             // However small, a light that is lit can be drawn.
-            out[k] = if alive {
-                w.clamp(f32::MIN_POSITIVE, GREATEST)
+            out.weights[k] = if alive {
+                (arriving * reflected).clamp(f32::MIN_POSITIVE, GREATEST)
+            } else {
+                0.0
+            };
+            out.peaks[k] = if alive {
+                (arriving * most * (to2 / from2)).min(GREATEST)
             } else {
                 0.0
             };
@@ -701,8 +783,12 @@ mod tests {
             let (mut fast, mut plain) = (Vec::new(), Vec::new());
             tree.weigh_all(&tree.blocks, &receiver(at), &mut fast);
             tree.weigh_all_with(&tree.blocks, &tree.seen(&receiver(at)), &mut plain);
-            let bits =
-                |all: &[Lanes]| -> Vec<u32> { all.iter().flatten().map(|w| w.to_bits()).collect() };
+            let bits = |all: &[Weighed]| -> Vec<u32> {
+                let lanes = all
+                    .iter()
+                    .flat_map(|w| w.weights.into_iter().chain(w.peaks));
+                lanes.map(f32::to_bits).collect()
+            };
             assert!(bits(&fast) == bits(&plain), "at {at:?}");
         }
     }
@@ -727,7 +813,7 @@ mod tests {
             let mut out = Vec::new();
             let tree = wide(&set).expect("has lights");
             tree.weigh_all(&tree.blocks, &receiver((Vec3::ZERO, Vec3::Y)), &mut out);
-            out
+            out.iter().map(|w| w.weights).collect::<Vec<_>>()
         };
         for k in [-30, -7, 9, 30] {
             assert_eq!(weights(2.0f32.powi(k)), weights(1.0), "at 2^{k}");

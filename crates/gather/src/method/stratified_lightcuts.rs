@@ -2,9 +2,10 @@
 //! other.
 //!
 //! What it adds to Stochastic Lightcuts (Yuksel 2019): a cut of hundreds of clusters, made once for a tile and weighed
-//! for each point eight clusters at a time, takes the place of ten clusters a point; weights estimate rather than bound
-//! what a cluster brings, and are set right by what a few rays find in the way; and the draws of all of a pixel's samples follow one low-discrepancy sequence along the
-//! tree's order, together with the places in the pixel.
+//! for each point eight clusters at a time, takes the place of ten clusters a point, but for those too near to be weighed as
+//! a whole, which are taken apart for the point; weights estimate rather than bound what a cluster brings, lobes
+//! included, and are set right by what a few rays find in the way; and the draws of all of a pixel's samples follow one
+//! low-discrepancy sequence along the tree's order, together with the places in the pixel.
 
 use light_tree::{Draws, SharedCut, WideTree};
 use sampling::Rng;
@@ -34,6 +35,8 @@ pub struct StratifiedLightcutsSpec {
     pub clusters: Count,
     /// Whether weights are set right by what reaches the tile, as a few rays find out.
     pub learn: bool,
+    /// Whether clusters that are too near a point, or too wide for its lobe, are taken apart for it.
+    pub open: bool,
     /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
     pub stratify: bool,
 }
@@ -42,8 +45,9 @@ impl Default for StratifiedLightcutsSpec {
     fn default() -> Self {
         Self {
             samples: Count::of(10),
-            clusters: Count::of(256),
+            clusters: Count::of(128),
             learn: true,
+            open: true,
             stratify: true,
         }
     }
@@ -132,9 +136,15 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             own.refine(tree, &[x.receiver], size);
             own
         };
+        let factors: &[f32] = match is_shared && x.sample >= LEARNED_FROM {
+            true => factors,
+            false => &[],
+        };
+        let samples = self.spec.samples.get();
         cut.weigh(tree, &x.receiver, draws);
-        if is_shared && x.sample >= LEARNED_FROM {
-            draws.scale(factors);
+        draws.scale(factors);
+        if self.spec.open {
+            cut.open(tree, &x.receiver, samples, factors, draws);
         }
         eval.mark(Phase::Cut);
         let u = if self.spec.stratify && is_seen {
@@ -142,7 +152,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         } else {
             rng.f64()
         };
-        cut.draw(tree, &x.receiver, self.spec.samples.get(), u, draws);
+        cut.draw(tree, &x.receiver, samples, u, draws);
         eval.mark(Phase::Select);
         for drawn in draws.lights() {
             eval.expect(drawn.light);

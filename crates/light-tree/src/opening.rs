@@ -1,0 +1,388 @@
+//! Clusters that are too near, or too much in the mirror direction, for one point to be weighed as a whole.
+//!
+//! A cut that many points share cannot be fine about each of them. Where a point lies in a cluster's box, or its lobe is
+//! narrower than the box, most of the light may come from a few of the cluster's lights, a hundred times what it is expected to
+//! be. Such clusters are taken apart for that point alone, and what it draws begins further down.
+
+use crate::bounds::Receiver;
+use crate::shared_cut::{Draws, SharedCut};
+use crate::wide::{Block, Lanes, WIDTH, Weighed, WideTree};
+
+/// Blocks that are opened for a point, at most.
+const MOST: u32 = 64;
+
+/// Eight clusters that are weighed together: a block of the cut, or one of the tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Row(u32);
+
+/// Set in a [`Row`] of the tree.
+const OF_TREE: u32 = 1 << 31;
+
+impl Row {
+    pub(crate) fn of_cut(block: usize) -> Self {
+        Self(block as u32)
+    }
+}
+
+/// Memory of the opening.
+#[derive(Debug, Default)]
+pub(crate) struct Opening {
+    weights: Vec<Lanes>,
+    rows: Vec<Row>,
+    /// Blocks to come, with the factor of the cluster that they were.
+    stack: Vec<(u32, f32)>,
+}
+
+impl SharedCut {
+    /// Opens clusters that would weigh more than one of `samples` ≥ 1 samples is worth, were all their lights where they
+    /// bring `receiver` most: at the nearest corner, in the middle of its lobe.
+    ///
+    /// After [`weigh`](Self::weigh), and after [`Draws::scale`] by the same `factors`, if it was by any: what a cluster
+    /// holds has the factor of the cluster.
+    pub fn open(
+        &self,
+        tree: &WideTree,
+        receiver: &Receiver,
+        samples: u32,
+        factors: &[f32],
+        draws: &mut Draws,
+    ) {
+        let bar = (draws.sum() / f64::from(samples.max(1))) as f32;
+        if bar > 0.0 {
+            tree.open_all(self, receiver, factors, bar, draws);
+        }
+    }
+
+    /// The clusters of a row.
+    pub(crate) fn block<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a Block {
+        match row.0 & OF_TREE {
+            0 => &self.blocks[row.0 as usize],
+            _ => &tree.blocks[(row.0 & !OF_TREE) as usize],
+        }
+    }
+}
+
+impl WideTree {
+    fn open_all(
+        &self,
+        cut: &SharedCut,
+        receiver: &Receiver,
+        factors: &[f32],
+        bar: f32,
+        draws: &mut Draws,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            #[allow(
+                unsafe_code,
+                reason = "the only way to call code for a processor found at run time"
+            )]
+            // SAFETY: the processor has AVX2, as was just asked.
+            unsafe {
+                self.open_avx2(cut, receiver, factors, bar, draws);
+            }
+            return;
+        }
+        self.open(cut, receiver, factors, bar, draws);
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn open_avx2(
+        &self,
+        cut: &SharedCut,
+        receiver: &Receiver,
+        factors: &[f32],
+        bar: f32,
+        draws: &mut Draws,
+    ) {
+        self.open(cut, receiver, factors, bar, draws);
+    }
+
+    /// Rows of children follow the row of their parent, so that neighbours in space stay neighbours in the list.
+    #[inline(always)]
+    fn open(
+        &self,
+        cut: &SharedCut,
+        receiver: &Receiver,
+        factors: &[f32],
+        bar: f32,
+        draws: &mut Draws,
+    ) {
+        let seen = self.seen(receiver);
+        let opening = &mut draws.opening;
+        opening.weights.clear();
+        opening.rows.clear();
+        let mut left = MOST;
+        for (b, (weights, weighed)) in draws.weights.iter().zip(&draws.weighed).enumerate() {
+            let weighed = Weighed {
+                weights: *weights,
+                ..*weighed
+            };
+            let factor = |lane: usize| factors.get(b * WIDTH + lane).copied().unwrap_or(1.0);
+            opening.push(
+                Row::of_cut(b),
+                &cut.blocks[b],
+                weighed,
+                bar,
+                factor,
+                &mut left,
+            );
+            while let Some((block, factor)) = opening.stack.pop() {
+                let mut weighed = self.weights(block as usize, receiver, &seen);
+                for lane in 0..WIDTH {
+                    weighed.weights[lane] *= factor;
+                    weighed.peaks[lane] *= factor;
+                }
+                let row = Row(block | OF_TREE);
+                let block = &self.blocks[block as usize];
+                opening.push(row, block, weighed, bar, |_| factor, &mut left);
+            }
+        }
+        std::mem::swap(&mut draws.weights, &mut opening.weights);
+        std::mem::swap(&mut draws.rows, &mut opening.rows);
+    }
+}
+
+impl Opening {
+    /// Adds a row, without its clusters above the bar: what they hold is added next.
+    #[inline(always)]
+    fn push(
+        &mut self,
+        row: Row,
+        block: &Block,
+        weighed: Weighed,
+        bar: f32,
+        factor: impl Fn(usize) -> f32,
+        left: &mut u32,
+    ) {
+        let Weighed { mut weights, peaks } = weighed;
+        let mut any = false;
+        for peak in peaks {
+            any |= peak > bar;
+        }
+        if any {
+            for lane in (0..WIDTH).rev() {
+                if peaks[lane] > bar
+                    && let Some(child) = block.clusters[lane].block()
+                    && *left > 0
+                {
+                    *left -= 1;
+                    weights[lane] = 0.0;
+                    self.stack.push((child as u32, factor(lane)));
+                }
+            }
+        }
+        self.weights.push(weights);
+        self.rows.push(row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use sampling::{Purpose, Rng, ggx_density};
+
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::lights::LightSet;
+    use crate::lobe::Lobe;
+    use crate::test_lights::{any_lights, any_receiver, contribution, lights_on_walls, receiver};
+    use crate::tree::LightTree;
+    use crate::wide::Cluster;
+
+    fn wide(lights: &LightSet) -> Option<WideTree> {
+        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
+        Some(WideTree::collapse(&tree, lights))
+    }
+
+    /// Close to the floor and to a wall, so within the boxes of clusters that hold both.
+    const CORNER: (Vec3, Vec3) = (Vec3::new(-0.99, -0.97, 0.2), Vec3::X);
+
+    #[test]
+    fn opened_rows_hold_each_light_once() {
+        verify::property(1000, |u| {
+            let lights = any_lights(u)?;
+            let Some(tree) = wide(&lights) else {
+                return Ok(());
+            };
+            let at = receiver(any_receiver(u, &lights)?);
+            let mut cut = SharedCut::default();
+            cut.refine(&tree, &[at], u.int_in_range(1..=8)?);
+            let mut draws = Draws::default();
+            cut.weigh(&tree, &at, &mut draws);
+            let lit = draws.sum() > 0.0;
+            cut.open(&tree, &at, 10, &[], &mut draws);
+            // The other way round it may be: a box reaches above the horizon, and none of its lights does.
+            assert!(lit || draws.sum() == 0.0, "light out of nothing");
+            let rows: Vec<_> = draws
+                .rows
+                .iter()
+                .map(|&row| cut.block(&tree, row))
+                .collect();
+            let mut seen = vec![0; lights.len()];
+            for row in &rows {
+                for cluster in &row.clusters[..row.len()] {
+                    // What was opened stands in a row of its own.
+                    let child = cluster.block().map(|block| &tree.blocks[block]);
+                    let opened =
+                        child.is_some_and(|child| rows.iter().any(|&row| std::ptr::eq(row, child)));
+                    for light in lights_below(&tree, *cluster, opened) {
+                        seen[light] += 1;
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&times| times == 1), "{seen:?}");
+            Ok(())
+        });
+    }
+
+    fn lights_below(tree: &WideTree, root: Cluster, opened: bool) -> Vec<usize> {
+        let mut found = Vec::new();
+        let mut stack = if opened { Vec::new() } else { vec![root] };
+        while let Some(cluster) = stack.pop() {
+            match (cluster.light(), cluster.block()) {
+                (Some(light), _) => found.push(light.index()),
+                (None, Some(block)) => {
+                    let block = &tree.blocks[block];
+                    stack.extend(&block.clusters[..block.len()]);
+                }
+                (None, None) => unreachable!("a cluster is one or the other"),
+            }
+        }
+        found
+    }
+
+    /// Mean, its standard deviation, and the relative variance of one estimate of what all lights bring.
+    fn estimate(
+        cut: &SharedCut,
+        tree: &WideTree,
+        x: &Receiver,
+        closely: bool,
+        brings: impl Fn(crate::LightId) -> f64,
+    ) -> (f64, f64, f64) {
+        let rounds = 20_000;
+        let mut draws = Draws::default();
+        let mut rng = Rng::new(5, 0, 0, Purpose::Lights);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for _ in 0..rounds {
+            cut.weigh(tree, x, &mut draws);
+            if closely {
+                cut.open(tree, x, 5, &[], &mut draws);
+            }
+            cut.draw(tree, x, 5, rng.f64(), &mut draws);
+            let drawn = draws.lights().iter();
+            let value: f64 = drawn.map(|d| brings(d.light) / d.expected).sum();
+            sum += value;
+            squares += value * value;
+        }
+        let n = f64::from(rounds);
+        let mean = sum / n;
+        let variance = squares / n - mean * mean;
+        (mean, (variance / n).sqrt(), variance / (mean * mean))
+    }
+
+    #[test]
+    fn a_point_among_a_clusters_lights_finds_the_near_ones() {
+        let lights = lights_on_walls(4000);
+        let tree = wide(&lights).expect("has lights");
+        let x = receiver(CORNER);
+        let brings = |id| contribution(&lights, id, CORNER.0, CORNER.1);
+        let exact: f64 = lights.ids().map(brings).sum();
+        let mut cut = SharedCut::default();
+        // Made for a point far off.
+        cut.refine(
+            &tree,
+            &[receiver((Vec3::new(0.5, 0.9, -0.5), Vec3::NEG_Y))],
+            24,
+        );
+        let [shared, opened] =
+            [false, true].map(|closely| estimate(&cut, &tree, &x, closely, brings));
+        for (mean, deviation, _) in [shared, opened] {
+            // 4.5 sigma for two: false alarm 1.4e-5.
+            let z = (mean - exact) / deviation;
+            assert!(z.abs() < 4.5, "{mean} instead of {exact}, z = {z}");
+        }
+        assert!(
+            opened.2 * 2.0 < shared.2,
+            "variances {} and {}",
+            opened.2,
+            shared.2
+        );
+    }
+
+    #[test]
+    fn a_lobe_finds_the_lights_that_it_mirrors() {
+        let lights = lights_on_walls(4000);
+        let tree = wide(&lights).expect("has lights");
+        let at = (Vec3::new(0.3, -0.9, 0.1), Vec3::Y);
+        for alpha2 in [0.25f32, 0.01, 1e-4] {
+            let lobe = Lobe {
+                axis: Vec3::new(0.6, 0.8, 0.0),
+                diffuse: 0.02,
+                near: 0.25,
+                far: 0.0,
+                far_sin2: 1.0,
+                alpha2,
+            };
+            let x = receiver(at).with_lobe(lobe);
+            let brings = |id| {
+                let to = (lights.position(id) - at.0).normalize();
+                let mirrored =
+                    lobe.near * ggx_density(alpha2, to.distance_squared(lobe.axis) / 4.0);
+                let cos = at.1.dot(to).max(1e-9);
+                contribution(&lights, id, at.0, at.1) * f64::from(lobe.diffuse + mirrored / cos)
+            };
+            let exact: f64 = lights.ids().map(brings).sum();
+            let mut cut = SharedCut::default();
+            cut.refine(&tree, &[x], 64);
+            let with = estimate(&cut, &tree, &x, true, brings);
+            // 4.5 sigma for three: false alarm 2e-5.
+            let z = (with.0 - exact) / with.1;
+            assert!(z.abs() < 4.5, "{} instead of {exact}, z = {z}", with.0);
+            let without = estimate(&cut, &tree, &receiver(at), true, brings);
+            assert!(
+                with.2 < 0.35 && with.2 < without.2,
+                "roughness² {alpha2}: variances {} and {} without the lobe",
+                with.2,
+                without.2
+            );
+        }
+    }
+
+    #[test]
+    fn wide_and_narrow_instructions_open_the_same() {
+        let lights = lights_on_walls(3000);
+        let tree = wide(&lights).expect("has lights");
+        let lobe = Lobe {
+            axis: Vec3::new(0.6, 0.0, 0.8),
+            diffuse: 0.1,
+            near: 0.3,
+            far: 0.1,
+            far_sin2: 0.2,
+            alpha2: 0.01,
+        };
+        for x in [receiver(CORNER), receiver(CORNER).with_lobe(lobe)] {
+            let mut cut = SharedCut::default();
+            cut.refine(&tree, &[x], 16);
+            let mut all = [false, true].map(|plain| {
+                let mut draws = Draws::default();
+                cut.weigh(&tree, &x, &mut draws);
+                let bar = draws.sum() as f32 / 10.0;
+                match plain {
+                    true => tree.open(&cut, &x, &[], bar, &mut draws),
+                    false => tree.open_all(&cut, &x, &[], bar, &mut draws),
+                }
+                draws
+            });
+            let [plain, fast] = &mut all;
+            assert!(
+                plain.rows.len() > cut.len().div_ceil(WIDTH),
+                "some are opened"
+            );
+            assert_eq!(plain.rows, fast.rows, "rows");
+            assert_eq!(plain.weights, fast.weights, "weights");
+        }
+    }
+}
