@@ -573,6 +573,9 @@ fn members(tree: &LightTree, below: &Below, node: NodeId) -> Vec<NodeId> {
 const NEAREST2: f32 = 1e-4;
 /// Weights beyond this are no more than this: their sums stay finite.
 const GREATEST: f32 = 1e30;
+/// A cluster weighs at least this share of what it would if all its lights were where they bring most: where it is lit by a
+/// corner of its box alone, what is drawn there by chance would count for thousands of times as much.
+const LEAST_OF_MOST: f32 = 0.005;
 /// Relative slack of reaches, so that rounding never makes a lit box dark.
 const SLACK: f32 = 2e-6;
 /// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
@@ -637,6 +640,10 @@ impl Block {
             let d = 1.0 / (centre2[k] + half2[k] * (1.0 / 3.0)).max(near2).sqrt();
             // A sphere is lit by, or sends by way of, more than its centre; dark is what its centre says.
             let mut alive = (self.intensity[k] > 0.0) & (height[k] + reach[k] > 0.0);
+            // Were all lights where the bound has them.
+            let from = 1.0 / from2.sqrt();
+            let cos_most = ((height[k] + reach[k]) * from).min(1.0);
+            let mut most_arriving = self.intensity[k] / from2;
             let reach = reach[k] + radius;
             let cos = mean_positive(height[k], reach) * d;
             let mut arriving = self.intensity[k] * falloff;
@@ -648,6 +655,11 @@ impl Block {
                 let omni = cos <= -1.0;
                 let emitted = mean_positive(ahead[k], spread + radius) * d;
                 arriving *= if omni { 1.0 } else { emitted };
+                most_arriving *= if omni {
+                    1.0
+                } else {
+                    ((ahead[k] + spread) * from).clamp(0.0, 1.0)
+                };
                 alive &= omni | (ahead[k] + spread > 0.0);
             }
             let (mut reflected, mut most) = (cos, cos);
@@ -664,8 +676,11 @@ impl Block {
                 most = lobe.diffuse * cos + mirrored * (alpha2 / lobe.alpha2);
             }
             // However small, a light that is lit can be drawn.
+            let least = LEAST_OF_MOST * most_arriving * cos_most;
             out.weights[k] = if alive {
-                (arriving * reflected).clamp(f32::MIN_POSITIVE, GREATEST)
+                (arriving * reflected)
+                    .max(least)
+                    .clamp(f32::MIN_POSITIVE, GREATEST)
             } else {
                 0.0
             };
