@@ -11,7 +11,7 @@ correlated by height, which differs by Λ²: keep to Ns of 30 and more. Each ren
 the noise of either is known. Mitsuba chooses lights uniformly: with many of them it needs --peer-spp of several times --spp, or what few
 samples hold of the light of rare paths makes its pictures too bright or too dark by more than their halves' difference tells; or
 --every N, by which both render under every N-th of the points alone; or --lamp-by-lamp, by which it has nothing to choose.
-Where normals at corners face away from the viewer, as on some leaves in Sponza, manylight bends them to the visible side and
+Where interpolated normals face away from the viewer, as on arches in Sponza, manylight bends them to the visible side and
 Mitsuba turns them around: --facets renders by the triangles' own.
 SCENE_FOLDER holds scene.ron, one OBJ file and its MTL file. Mitsuba's area
 lights shine to one side: each emissive triangle becomes two, a little apart.
