@@ -6,7 +6,7 @@
 
 use crate::bounds::Receiver;
 use crate::shared_cut::{Draws, SharedCut};
-use crate::wide::{Block, Lanes, WIDTH, Weighed, WideTree};
+use crate::wide::{Block, Lanes, WIDTH, Weighed, WideTree, by_width};
 
 /// Blocks that are opened for a point, at most.
 const MOST: u32 = 64;
@@ -71,19 +71,10 @@ impl WideTree {
         bar: f32,
         draws: &mut Draws,
     ) {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            #[allow(
-                unsafe_code,
-                reason = "the only way to call code for a processor found at run time"
-            )]
-            // SAFETY: the processor has AVX2, as was just asked.
-            unsafe {
-                self.open_avx2(cut, receiver, factors, bar, draws);
-            }
-            return;
-        }
-        self.open(cut, receiver, factors, bar, draws);
+        by_width!(
+            self.open_avx2(cut, receiver, factors, bar, draws),
+            self.open(cut, receiver, factors, bar, draws)
+        )
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
@@ -115,11 +106,8 @@ impl WideTree {
         opening.weights.clear();
         opening.rows.clear();
         let mut left = MOST;
-        for (b, (weights, weighed)) in draws.weights.iter().zip(&draws.weighed).enumerate() {
-            let weighed = Weighed {
-                weights: *weights,
-                ..*weighed
-            };
+        for (b, (&weights, &peaks)) in draws.weights.iter().zip(&draws.peaks).enumerate() {
+            let weighed = Weighed { weights, peaks };
             let factor = |lane: usize| factors.get(b * WIDTH + lane).copied().unwrap_or(1.0);
             opening.push(
                 Row::of_cut(b),
@@ -185,20 +173,25 @@ mod tests {
     use sampling::{Purpose, Rng, ggx_density};
 
     use super::*;
-    use crate::build::TreeBuilder;
-    use crate::lights::LightSet;
     use crate::lobe::Lobe;
-    use crate::test_lights::{any_lights, any_receiver, contribution, lights_on_walls, receiver};
-    use crate::tree::LightTree;
+    use crate::test_lights::{
+        any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
+    };
     use crate::wide::Cluster;
-
-    fn wide(lights: &LightSet) -> Option<WideTree> {
-        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
-        Some(WideTree::collapse(&tree, lights))
-    }
 
     /// Close to the floor and to a wall, so within the boxes of clusters that hold both.
     const CORNER: (Vec3, Vec3) = (Vec3::new(-0.99, -0.97, 0.2), Vec3::X);
+
+    fn lobe(axis: Vec3, alpha2: f32) -> Lobe {
+        Lobe {
+            axis,
+            diffuse: 0.02,
+            near: 0.25,
+            far: 0.0,
+            far_sin2: 1.0,
+            alpha2,
+        }
+    }
 
     #[test]
     fn opened_rows_hold_each_light_once() {
@@ -221,37 +214,21 @@ mod tests {
                 .iter()
                 .map(|&row| cut.block(&tree, row))
                 .collect();
+            // What was opened stands in a row of its own.
+            let is_opened = |cluster: &&Cluster| {
+                let child = cluster.block().map(|block| &tree.blocks[block]);
+                child.is_some_and(|child| rows.iter().any(|&row| std::ptr::eq(row, child)))
+            };
+            let clusters = rows.iter().flat_map(|row| &row.clusters[..row.len()]);
             let mut seen = vec![0; lights.len()];
-            for row in &rows {
-                for cluster in &row.clusters[..row.len()] {
-                    // What was opened stands in a row of its own.
-                    let child = cluster.block().map(|block| &tree.blocks[block]);
-                    let opened =
-                        child.is_some_and(|child| rows.iter().any(|&row| std::ptr::eq(row, child)));
-                    for light in lights_below(&tree, *cluster, opened) {
-                        seen[light] += 1;
-                    }
+            for cluster in clusters.filter(|cluster| !is_opened(cluster)) {
+                for light in tree.lights_below(*cluster) {
+                    seen[light.index()] += 1;
                 }
             }
             assert!(seen.iter().all(|&times| times == 1), "{seen:?}");
             Ok(())
         });
-    }
-
-    fn lights_below(tree: &WideTree, root: Cluster, opened: bool) -> Vec<usize> {
-        let mut found = Vec::new();
-        let mut stack = if opened { Vec::new() } else { vec![root] };
-        while let Some(cluster) = stack.pop() {
-            match (cluster.light(), cluster.block()) {
-                (Some(light), _) => found.push(light.index()),
-                (None, Some(block)) => {
-                    let block = &tree.blocks[block];
-                    stack.extend(&block.clusters[..block.len()]);
-                }
-                (None, None) => unreachable!("a cluster is one or the other"),
-            }
-        }
-        found
     }
 
     /// Mean, its standard deviation, and the relative variance of one estimate of what all lights bring.
@@ -318,14 +295,7 @@ mod tests {
         let tree = wide(&lights).expect("has lights");
         let at = (Vec3::new(0.3, -0.9, 0.1), Vec3::Y);
         for alpha2 in [0.25f32, 0.01, 1e-4] {
-            let lobe = Lobe {
-                axis: Vec3::new(0.6, 0.8, 0.0),
-                diffuse: 0.02,
-                near: 0.25,
-                far: 0.0,
-                far_sin2: 1.0,
-                alpha2,
-            };
+            let lobe = lobe(Vec3::new(0.6, 0.8, 0.0), alpha2);
             let x = receiver(at).with_lobe(lobe);
             let brings = |id| {
                 let to = (lights.position(id) - at.0).normalize();
@@ -355,14 +325,7 @@ mod tests {
     fn wide_and_narrow_instructions_open_the_same() {
         let lights = lights_on_walls(3000);
         let tree = wide(&lights).expect("has lights");
-        let lobe = Lobe {
-            axis: Vec3::new(0.6, 0.0, 0.8),
-            diffuse: 0.1,
-            near: 0.3,
-            far: 0.1,
-            far_sin2: 0.2,
-            alpha2: 0.01,
-        };
+        let lobe = lobe(Vec3::new(0.6, 0.0, 0.8), 0.01);
         for x in [receiver(CORNER), receiver(CORNER).with_lobe(lobe)] {
             let mut cut = SharedCut::default();
             cut.refine(&tree, &[x], 16);

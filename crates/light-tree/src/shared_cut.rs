@@ -7,7 +7,7 @@ use crate::bounds::Receiver;
 use crate::light::LightId;
 use crate::opening::{Opening, Row};
 use crate::select::BELOW_ONE;
-use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, Weighed, WideTree};
+use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
 
 /// A partition of all lights into clusters, good for receivers near each other.
 ///
@@ -151,16 +151,13 @@ impl SharedCut {
     /// Works out how much each cluster is expected to bring to `receiver` if nothing is in the way: > 0 wherever any of
     /// its lights brings anything.
     pub fn weigh(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
-        draws.weighed.clear();
-        tree.weigh_all(&self.blocks, receiver, &mut draws.weighed);
-        let parallel = self.blocks.iter().zip(&self.parallel);
-        for ((block, parallel), weighed) in parallel.zip(&mut draws.weighed) {
-            block.add_parallel(receiver, parallel, &mut weighed.weights);
-        }
         draws.weights.clear();
-        draws
-            .weights
-            .extend(draws.weighed.iter().map(|w| w.weights));
+        draws.peaks.clear();
+        tree.weigh_all(&self.blocks, receiver, &mut draws.weights, &mut draws.peaks);
+        let parallel = self.blocks.iter().zip(&self.parallel);
+        for ((block, parallel), weights) in parallel.zip(&mut draws.weights) {
+            block.add_parallel(receiver, parallel, weights);
+        }
         draws.rows.clear();
         draws.rows.extend((0..self.blocks.len()).map(Row::of_cut));
     }
@@ -264,8 +261,8 @@ pub struct Draws {
     pub(crate) weights: Vec<Lanes>,
     /// What the weights belong to.
     pub(crate) rows: Vec<Row>,
-    /// Weights of the cut itself.
-    pub(crate) weighed: Vec<Weighed>,
+    /// What the cut's clusters would weigh, were all their lights where they bring most.
+    pub(crate) peaks: Vec<Lanes>,
     pub(crate) opening: Opening,
     /// Running sums of the weights, block by block.
     sums: Vec<f64>,
@@ -297,11 +294,11 @@ impl Draws {
 
     /// Multiplies the weights by `factors`, > 0, one for each cluster, or none at all.
     pub fn scale(&mut self, factors: &[f32]) {
-        let shared = self.weights.iter_mut().zip(&mut self.weighed);
-        for ((weights, weighed), factors) in shared.zip(factors.chunks(WIDTH)) {
+        let lanes = self.weights.iter_mut().zip(&mut self.peaks);
+        for ((weights, peaks), factors) in lanes.zip(factors.chunks(WIDTH)) {
             for (lane, factor) in factors.iter().enumerate() {
                 weights[lane] *= factor;
-                weighed.peaks[lane] *= factor;
+                peaks[lane] *= factor;
             }
         }
     }
@@ -392,15 +389,10 @@ mod tests {
     use sampling::{Purpose, Rng};
 
     use super::*;
-    use crate::build::TreeBuilder;
     use crate::lights::LightSet;
-    use crate::test_lights::{any_lights, any_receiver, contribution, lights_on_walls, receiver};
-    use crate::tree::LightTree;
-
-    fn wide(lights: &LightSet) -> Option<WideTree> {
-        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
-        Some(WideTree::collapse(&tree, lights))
-    }
+    use crate::test_lights::{
+        any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
+    };
 
     const PLACES: [(Vec3, Vec3); 3] = [
         (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
@@ -423,15 +415,9 @@ mod tests {
             cut.refine(&tree, &receivers, size);
             assert!(cut.len() < size + WIDTH, "{} clusters of {size}", cut.len());
             let mut seen = vec![0; lights.len()];
-            let mut stack: Vec<Cluster> = (0..cut.len()).map(|i| cut.cluster(i)).collect();
-            while let Some(cluster) = stack.pop() {
-                match (cluster.light(), cluster.block()) {
-                    (Some(light), _) => seen[light.index()] += 1,
-                    (None, Some(block)) => {
-                        let block = &tree.blocks[block];
-                        stack.extend(&block.clusters[..block.len()]);
-                    }
-                    (None, None) => unreachable!("a cluster is one or the other"),
+            for i in 0..cut.len() {
+                for light in tree.lights_below(cut.cluster(i)) {
+                    seen[light.index()] += 1;
                 }
             }
             assert!(seen.iter().all(|&times| times == 1), "{seen:?}");

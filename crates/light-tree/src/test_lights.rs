@@ -4,11 +4,14 @@ use glam::Vec3;
 use verify::arbitrary::{Result, Unstructured};
 
 use crate::bounds::Receiver;
+use crate::build::TreeBuilder;
 use crate::cone::Cone;
 use crate::light::{
     EnvironmentCell, LightId, LightKind, SpotCone, TriangleLight, VirtualLight, luminance,
 };
 use crate::lights::LightSet;
+use crate::tree::LightTree;
+use crate::wide::WideTree;
 
 pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
     Ok(match u.int_in_range(0..=3)? {
@@ -163,4 +166,10 @@ pub(crate) fn lights_on_walls(n: u32) -> LightSet {
 /// The receiver that weights and bounds take.
 pub(crate) fn receiver((position, normal): (Vec3, Vec3)) -> Receiver {
     Receiver::new(position, normal)
+}
+
+/// The eight-way tree that stratified lightcuts have by default; `None` without lights.
+pub(crate) fn wide(lights: &LightSet) -> Option<WideTree> {
+    let tree = LightTree::build(lights, TreeBuilder::Binned)?;
+    Some(WideTree::collapse(&tree, lights))
 }

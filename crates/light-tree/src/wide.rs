@@ -14,6 +14,23 @@ use crate::select::BELOW_ONE;
 use crate::shared_cut::{Drawn, Draws, Pick};
 use crate::tree::{LightTree, NodeId};
 
+/// The first call where the processor has AVX2, for which it is compiled, else the second: the same code, and so the same bits.
+macro_rules! by_width {
+    ($avx2:expr, $plain:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            #[allow(
+                unsafe_code,
+                reason = "the only way to call code for a processor found at run time"
+            )]
+            // SAFETY: the processor has AVX2, as was just asked.
+            return unsafe { $avx2 };
+        }
+        $plain
+    }};
+}
+pub(crate) use by_width;
+
 /// Children of a node: their numbers fill a register of eight lanes.
 pub(crate) const WIDTH: usize = 8;
 pub(crate) type Lanes = [f32; WIDTH];
@@ -269,36 +286,46 @@ impl WideTree {
     }
 
     /// Weights of many blocks' clusters, parallel light apart.
-    pub(crate) fn weigh_all(&self, blocks: &[Block], receiver: &Receiver, out: &mut Vec<Weighed>) {
+    pub(crate) fn weigh_all(
+        &self,
+        blocks: &[Block],
+        receiver: &Receiver,
+        weights: &mut Vec<Lanes>,
+        peaks: &mut Vec<Lanes>,
+    ) {
         let seen = self.seen(receiver);
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            #[allow(
-                unsafe_code,
-                reason = "the only way to call code for a processor found at run time"
-            )]
-            // SAFETY: the processor has AVX2, as was just asked.
-            unsafe {
-                self.weigh_all_avx2(blocks, &seen, out);
-            }
-            return;
-        }
-        self.weigh_all_with(blocks, &seen, out);
+        by_width!(
+            self.weigh_all_avx2(blocks, &seen, weights, peaks),
+            self.weigh_all_with(blocks, &seen, weights, peaks)
+        )
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn weigh_all_avx2(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Weighed>) {
-        self.weigh_all_with(blocks, seen, out);
+    fn weigh_all_avx2(
+        &self,
+        blocks: &[Block],
+        seen: &Seen,
+        weights: &mut Vec<Lanes>,
+        peaks: &mut Vec<Lanes>,
+    ) {
+        self.weigh_all_with(blocks, seen, weights, peaks);
     }
 
     #[inline(always)]
-    fn weigh_all_with(&self, blocks: &[Block], seen: &Seen, out: &mut Vec<Weighed>) {
+    fn weigh_all_with(
+        &self,
+        blocks: &[Block],
+        seen: &Seen,
+        weights: &mut Vec<Lanes>,
+        peaks: &mut Vec<Lanes>,
+    ) {
         // No iterator's adaptor: it would not be compiled for the wider instructions.
-        out.reserve(blocks.len());
         for block in blocks {
-            out.push(self.weigh::<false>(block, seen));
+            let weighed = self.weigh::<false>(block, seen);
+            weights.push(weighed.weights);
+            peaks.push(weighed.peaks);
         }
     }
 
@@ -336,19 +363,10 @@ impl WideTree {
             }
         }
         let seen = self.seen(receiver);
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            #[allow(
-                unsafe_code,
-                reason = "the only way to call code for a processor found at run time"
-            )]
-            // SAFETY: the processor has AVX2, as was just asked.
-            unsafe {
-                self.descend_avx2(receiver, &seen, active, lights, dead);
-            }
-            return;
-        }
-        self.descend(receiver, &seen, active, lights, dead);
+        by_width!(
+            self.descend_avx2(receiver, &seen, active, lights, dead),
+            self.descend(receiver, &seen, active, lights, dead)
+        )
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
@@ -439,6 +457,24 @@ impl WideTree {
             }
         }
         (lights, dead)
+    }
+
+    /// The lights of a cluster.
+    #[cfg(test)]
+    pub(crate) fn lights_below(&self, root: Cluster) -> Vec<LightId> {
+        let mut lights = Vec::new();
+        let mut stack = vec![root];
+        while let Some(cluster) = stack.pop() {
+            match (cluster.light(), cluster.block()) {
+                (Some(light), _) => lights.push(light),
+                (None, Some(block)) => {
+                    let block = &self.blocks[block];
+                    stack.extend(&block.clusters[..block.len()]);
+                }
+                (None, None) => unreachable!("a cluster is one or the other"),
+            }
+        }
+        lights
     }
 
     /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
@@ -676,7 +712,10 @@ impl Block {
                 most = lobe.diffuse * cos + mirrored * (alpha2 / lobe.alpha2);
             }
             // However small, a light that is lit can be drawn.
-            let least = LEAST_OF_MOST * most_arriving * cos_most;
+            let least = match BOUND {
+                true => 0.0,
+                false => LEAST_OF_MOST * most_arriving * cos_most,
+            };
             out.weights[k] = if alive {
                 (arriving * reflected)
                     .max(least)
@@ -720,15 +759,10 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::build::TreeBuilder;
+    use crate::shared_cut::SharedCut;
     use crate::test_lights::{
-        BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver,
+        BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
     };
-
-    fn wide(lights: &LightSet) -> Option<WideTree> {
-        let tree = LightTree::build(lights, TreeBuilder::Binned)?;
-        Some(WideTree::collapse(&tree, lights))
-    }
 
     #[test]
     fn every_light_that_contributes_can_be_drawn_and_probabilities_sum_to_one() {
@@ -779,6 +813,43 @@ mod tests {
     }
 
     #[test]
+    fn a_cluster_lit_by_a_corner_weighs_a_share_of_what_it_brings() {
+        // Eight groups of eight are the clusters of the root. One reaches above the horizon by a thousandth of its height, and
+        // all its light is there; the others are all below the lamp that they light.
+        let mut set = LightSet::default();
+        for group in 0..8 {
+            for i in 0..8 {
+                let (x, z) = (10.0 * group as f32, 0.01 * i as f32);
+                let (y, bright) = match (group, i) {
+                    (0, 7) => (0.001, 1.0),
+                    (0, _) => (-1.0, 1e-6),
+                    _ => (3.0, 1.0),
+                };
+                set.push_point(Vec3::new(x, y, z), Vec3::splat(bright));
+            }
+        }
+        let tree = wide(&set).expect("has lights");
+        let at = (Vec3::new(1.0, 0.0, 0.0), Vec3::Y);
+        let mut cut = SharedCut::default();
+        cut.refine(&tree, &[], 1);
+        let mut draws = Draws::default();
+        cut.weigh(&tree, &receiver(at), &mut draws);
+        let mut corner = 0.0;
+        let mut whole = f64::INFINITY;
+        for group in 0..8 {
+            let lights = tree.lights_below(cut.cluster(group));
+            assert_eq!(lights.len(), 8, "a group");
+            let brings = lights.iter().map(|&id| contribution(&set, id, at.0, at.1));
+            let share = f64::from(draws.weight(group)) / brings.sum::<f64>();
+            match lights.contains(&LightId(0)) {
+                true => corner = share,
+                false => whole = whole.min(share),
+            }
+        }
+        assert!(corner > 0.004 * whole, "{corner} and {whole}");
+    }
+
+    #[test]
     fn blocks_are_nearly_full() {
         let lights = lights_on_walls(20_000);
         let tree = wide(&lights).expect("has lights");
@@ -795,16 +866,15 @@ mod tests {
             (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
             (Vec3::new(-1.0, 0.3, 0.3), Vec3::X),
         ] {
-            let (mut fast, mut plain) = (Vec::new(), Vec::new());
-            tree.weigh_all(&tree.blocks, &receiver(at), &mut fast);
-            tree.weigh_all_with(&tree.blocks, &tree.seen(&receiver(at)), &mut plain);
-            let bits = |all: &[Weighed]| -> Vec<u32> {
-                let lanes = all
-                    .iter()
-                    .flat_map(|w| w.weights.into_iter().chain(w.peaks));
-                lanes.map(f32::to_bits).collect()
-            };
-            assert!(bits(&fast) == bits(&plain), "at {at:?}");
+            let (mut fast, mut fast_peaks) = (Vec::new(), Vec::new());
+            tree.weigh_all(&tree.blocks, &receiver(at), &mut fast, &mut fast_peaks);
+            let (mut plain, mut plain_peaks) = (Vec::new(), Vec::new());
+            let seen = tree.seen(&receiver(at));
+            tree.weigh_all_with(&tree.blocks, &seen, &mut plain, &mut plain_peaks);
+            let bits =
+                |all: &[Lanes]| -> Vec<u32> { all.iter().flatten().map(|w| w.to_bits()).collect() };
+            assert!(bits(&fast) == bits(&plain), "weights at {at:?}");
+            assert!(bits(&fast_peaks) == bits(&plain_peaks), "peaks at {at:?}");
         }
     }
 
@@ -825,10 +895,11 @@ mod tests {
                     Vec3::splat((1 + i % 4) as f32) * scale * scale,
                 );
             }
-            let mut out = Vec::new();
+            let (mut out, mut peaks) = (Vec::new(), Vec::new());
             let tree = wide(&set).expect("has lights");
-            tree.weigh_all(&tree.blocks, &receiver((Vec3::ZERO, Vec3::Y)), &mut out);
-            out.iter().map(|w| w.weights).collect::<Vec<_>>()
+            let at = receiver((Vec3::ZERO, Vec3::Y));
+            tree.weigh_all(&tree.blocks, &at, &mut out, &mut peaks);
+            (out, peaks)
         };
         for k in [-30, -7, 9, 30] {
             assert_eq!(weights(2.0f32.powi(k)), weights(1.0), "at 2^{k}");
