@@ -426,7 +426,8 @@ impl Job {
             LightsSpec::AsGiven => 0,
             LightsSpec::Virtual(v) => v.count.0 as u64,
         };
-        u64::from(self.width) * u64::from(self.height) * PIXEL + lights * LIGHT
+        let film = u64::from(self.width) * u64::from(self.height) * PIXEL;
+        film + lights * LIGHT + self.method.most_learned_bytes(self.width, self.height)
     }
 
     /// Refuses a job that would not fit into memory, before anything large is allocated.

@@ -314,6 +314,7 @@ mod tests {
             brdf,
             strength: Vec3::ONE,
             slot: 0,
+            block: 0,
             sample: 0,
             sequence: sampling::Sequence(0),
             bounce: 0,

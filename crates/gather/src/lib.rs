@@ -47,6 +47,7 @@ mod contribution;
 mod counters;
 mod error_bound;
 mod gather_tree;
+mod learned;
 pub mod method;
 mod path;
 mod plan;

@@ -22,6 +22,8 @@ pub struct GatherPoint {
     pub strength: Vec3,
     /// Pixel sample that the point belongs to, an index the renderer gives.
     pub slot: u32,
+    /// Block of the tile's pixels that it belongs to: points of one are near each other, but for edges.
+    pub block: u32,
     /// Which sample of its pixel it belongs to, from 0: low-discrepancy sequences run along it.
     pub sample: u32,
     /// The pixel's sequence.
@@ -49,6 +51,7 @@ impl GatherPoint {
             brdf: surface.brdf,
             strength,
             slot,
+            block: 0,
             sample: 0,
             sequence: Sequence(0),
             bounce: 0,

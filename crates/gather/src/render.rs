@@ -16,11 +16,12 @@ use crate::Inputs;
 use crate::compensation::Compensation;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
+use crate::learned::Learned;
 use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, Seen, ShadowQueue};
-use crate::tile_points::TilePoints;
+use crate::tile_points::{TILE, TilePoints, block};
 
 /// What is rendered and how, apart from scene and lights.
 #[derive(Debug, Clone)]
@@ -68,9 +69,6 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 /// Samples a pixel in one pass of a method that takes whole pixels: a tile's gather points are all in memory.
 const MOST_AT_ONCE: u32 = 256;
 
-/// Tile edge in pixels.
-const TILE: u32 = 16;
-
 /// A tile of the film.
 #[derive(Debug, Clone)]
 struct Tile {
@@ -82,7 +80,7 @@ struct Tile {
     pixels: Vec<PixelStats>,
     features: Vec<Features>,
     /// What the method keeps of the tile from pass to pass.
-    learned: Vec<f32>,
+    learned: Learned,
     counters: Counters,
 }
 
@@ -184,7 +182,7 @@ impl<'a> Render<'a> {
                 done: 0,
                 pixels: vec![PixelStats::default(); pixels],
                 features: vec![Features::default(); pixels],
-                learned: Vec::new(),
+                learned: Learned::default(),
                 counters: Counters::default(),
             });
         }
@@ -264,13 +262,13 @@ impl<'a> Render<'a> {
 
     /// Samples a pixel that the next pass makes; 0 when the render is done.
     ///
-    /// Passes grow from 1 to 16: a first picture soon, little overhead later.
+    /// Passes grow from 1 to 16, and end at milestones: a first picture soon, little overhead later.
     /// A method that takes whole pixels gets up to 256 samples of each at once.
     pub fn next_samples(&self) -> u32 {
         let most = if self.method.whole_pixel() {
             MOST_AT_ONCE
         } else {
-            self.done.clamp(1, 16)
+            next_milestone(self.done) - self.done
         };
         most.min(self.spec.spp - self.done)
     }
@@ -296,8 +294,7 @@ impl<'a> Render<'a> {
 
     /// Heap memory in bytes of what the method keeps of the tiles from pass to pass.
     pub fn learned_bytes(&self) -> usize {
-        let capacity: usize = self.tiles.iter().map(|tile| tile.learned.capacity()).sum();
-        capacity * size_of::<f32>()
+        self.tiles.iter().map(|tile| tile.learned.bytes()).sum()
     }
 
     /// The picture so far; pixels of other shards are empty.
@@ -327,6 +324,19 @@ impl<'a> Render<'a> {
         }
         picture
     }
+}
+
+/// The first milestone after `done` samples: they are 0, 1, 2, 4, 8, and the multiples of 16.
+fn next_milestone(done: u32) -> u32 {
+    match done {
+        0..16 => (done + 1).next_power_of_two(),
+        _ => (done / 16 + 1) * 16,
+    }
+}
+
+/// Whether it is one.
+fn is_milestone(done: u32) -> bool {
+    done == 0 || next_milestone(done - 1) == done
 }
 
 /// Makes a method and drops it: what it shares with later ones stays.
@@ -464,6 +474,7 @@ impl<F> PassOf<'_, F> {
             points: &scratch.points,
             width: tile.width,
             samples: samples as u32,
+            is_milestone: is_milestone(tile.done),
             pilots: &scratch.pilots,
             probe_stream: &probe_stream(0),
             stream: &stream,
@@ -473,6 +484,7 @@ impl<F> PassOf<'_, F> {
         queue.begin_tile(probe_stream(1));
         method.begin_tile(&handed, &mut queue, &mut learned, &mut scratch.method);
         queue.counters.time(Phase::Cut, began.elapsed());
+        queue.give_trials(std::mem::take(&mut learned.trials));
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
         let alike = |a: &GatherPoint, b: &GatherPoint| M::WHOLE_PIXEL && pixel_of(a) == pixel_of(b);
@@ -489,6 +501,7 @@ impl<F> PassOf<'_, F> {
             }
             queue.end_point();
         }
+        learned.trials = queue.take_trials();
         let (counters, sums) = queue.finish();
         let pixels = tile.pixels.iter_mut().zip(&mut scratch.features);
         for ((pixel, features), sums) in pixels.zip(sums.chunks_exact(samples)) {
@@ -574,6 +587,7 @@ impl<F> PassOf<'_, F> {
         features.depth += f64::from(hit.t);
         features.hits += 1;
         let first = GatherPoint {
+            block: block(i as u32 % tile.width, i as u32 / tile.width),
             sample: start.sample,
             sequence: start.sequence,
             ..GatherPoint::new(&surface, -direction, Vec3::ONE, start.slot)

@@ -4,13 +4,14 @@ use std::ops::AddAssign;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use light_tree::{LightId, LightSet};
+use light_tree::{LightId, LightSet, luminance};
 use sampling::Rng;
 use scene::Scene;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
 use crate::contribution::{VirtualShape, unoccluded, unoccluded_of};
 use crate::counters::{Counters, Phase};
+use crate::learned::{Trial, Trials};
 use crate::point::GatherPoint;
 
 /// What a method may ask of the renderer.
@@ -22,6 +23,9 @@ pub trait LightEval {
     /// Adds `scale` times what light `id` sends by way of `x` to the pixel sample of `x`. `scale` is 1 over
     /// the probability of having chosen the light.
     fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64);
+
+    /// As [`add`](Self::add), and what comes of it is noted for later samples.
+    fn add_trial(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial);
 
     /// Says that light `id` is about to be [added](Self::add), after others: its memory is asked for.
     fn expect(&mut self, id: LightId);
@@ -107,7 +111,13 @@ struct Pending {
     value: Vec3,
     slot: u32,
     is_direct: bool,
+    /// Place among the trials, or [`NO_TRIAL`], and what [`Trials::square`] says of the light.
+    trial: u32,
+    square: u32,
 }
+
+/// The place of no trial.
+const NO_TRIAL: u32 = u32::MAX;
 
 /// Rays traced together. Enough to keep the tracer's lanes full, few enough to stay in the nearest cache.
 const BATCH: usize = 1024;
@@ -137,6 +147,7 @@ pub struct QueueScratch {
     rays: Vec<Ray>,
     pending: Vec<Pending>,
     occluded: Vec<bool>,
+    trials: Vec<Trials>,
     sums: Vec<SampleSum>,
     occlusion: OcclusionScratch,
 }
@@ -154,6 +165,7 @@ impl<'a> ShadowQueue<'a> {
         // A tile that was dropped half way leaves rays behind.
         scratch.rays.clear();
         scratch.pending.clear();
+        scratch.trials.clear();
         scratch.sums.clear();
         scratch.sums.resize(slots, SampleSum::default());
         let rng = Rng::new(0, 0, 0, sampling::Purpose::LightSurface);
@@ -173,6 +185,17 @@ impl<'a> ShadowQueue<'a> {
     /// Begins a tile, before its first gather point: `rng` serves points on lights until then.
     pub fn begin_tile(&mut self, rng: Rng) {
         self.rng = rng;
+    }
+
+    /// Takes over what came of earlier trials.
+    pub(crate) fn give_trials(&mut self, trials: Vec<Trials>) {
+        self.scratch.trials = trials;
+    }
+
+    /// Traces what is waiting and gives back the trials, with what came of those since.
+    pub(crate) fn take_trials(&mut self) -> Vec<Trials> {
+        self.flush();
+        std::mem::take(&mut self.scratch.trials)
     }
 
     /// Begins a gather point: `rng` serves points on lights.
@@ -210,6 +233,44 @@ impl<'a> ShadowQueue<'a> {
     pub fn finish(mut self) -> (Counters, &'a [SampleSum]) {
         self.flush();
         (self.counters, &self.scratch.sums)
+    }
+
+    /// Adds a light, and notes what comes of it in the place that `trial` has, if it is one.
+    #[inline]
+    fn push(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial) {
+        if let Some(trials) = self.scratch.trials.get_mut(trial.place as usize) {
+            trials.begin();
+        }
+        self.counters.light_samples += 1;
+        let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
+        let Some(light) = unoccluded(scene, lights, self.shape, x, id, rng) else {
+            return;
+        };
+        // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.
+        let value = ((light.radiance * x.strength).as_dvec3() * scale).as_vec3();
+        if !value.is_finite() {
+            self.counters.nonfinite += 1;
+            return;
+        }
+        if value == Vec3::ZERO {
+            return;
+        }
+        let square = match trial.place {
+            NO_TRIAL => 0,
+            _ => Trials::square(f64::from(luminance(light.radiance)), trial.expected),
+        };
+        self.scratch.rays.push(light.shadow_ray);
+        self.scratch.pending.push(Pending {
+            value,
+            slot: x.slot,
+            is_direct: x.bounce == 0 && lights.is_source(id),
+            trial: trial.place,
+            square,
+        });
+        // A method may add a million lights at one point.
+        if self.scratch.rays.len() >= 4 * BATCH {
+            self.flush();
+        }
     }
 
     /// Radiance of light `id`, were its intensity `intensity`, traced at once.
@@ -250,6 +311,9 @@ impl<'a> ShadowQueue<'a> {
         {
             let sum = &mut scratch.sums[pending.slot as usize];
             sum.add(pending.value.as_dvec3(), pending.is_direct);
+            if let Some(trials) = scratch.trials.get_mut(pending.trial as usize) {
+                trials.arrive(pending.square);
+            }
         }
         self.counters.shadow_rays += scratch.rays.len() as u64;
         scratch.rays.clear();
@@ -261,30 +325,16 @@ impl<'a> ShadowQueue<'a> {
 impl LightEval for ShadowQueue<'_> {
     #[inline]
     fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64) {
-        self.counters.light_samples += 1;
-        let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
-        let Some(light) = unoccluded(scene, lights, self.shape, x, id, rng) else {
-            return;
+        let none = Trial {
+            place: NO_TRIAL,
+            expected: 0.0,
         };
-        // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.
-        let value = ((light.radiance * x.strength).as_dvec3() * scale).as_vec3();
-        if !value.is_finite() {
-            self.counters.nonfinite += 1;
-            return;
-        }
-        if value == Vec3::ZERO {
-            return;
-        }
-        self.scratch.rays.push(light.shadow_ray);
-        self.scratch.pending.push(Pending {
-            value,
-            slot: x.slot,
-            is_direct: x.bounce == 0 && lights.is_source(id),
-        });
-        // A method may add a million lights at one point.
-        if self.scratch.rays.len() >= 4 * BATCH {
-            self.flush();
-        }
+        self.push(x, id, scale, none);
+    }
+
+    #[inline]
+    fn add_trial(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial) {
+        self.push(x, id, scale, trial);
     }
 
     #[inline]

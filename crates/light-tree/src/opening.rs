@@ -13,14 +13,29 @@ const MOST: u32 = 64;
 
 /// Eight clusters that are weighed together: a block of the cut, or one of the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Row(u32);
+pub(crate) struct Row {
+    block: u32,
+    /// Of the cut: the only one that a block of the tree is a part of, or the first of a block of the cut.
+    cluster: u32,
+}
 
-/// Set in a [`Row`] of the tree.
+/// Set in the block of a [`Row`] of the tree.
 const OF_TREE: u32 = 1 << 31;
 
 impl Row {
     pub(crate) fn of_cut(block: usize) -> Self {
-        Self(block as u32)
+        Self {
+            block: block as u32,
+            cluster: (block * WIDTH) as u32,
+        }
+    }
+
+    /// The cluster of the cut that holds what is in `lane`.
+    pub(crate) fn cluster(self, lane: usize) -> u32 {
+        match self.block & OF_TREE {
+            0 => self.cluster + lane as u32,
+            _ => self.cluster,
+        }
     }
 }
 
@@ -29,8 +44,8 @@ impl Row {
 pub(crate) struct Opening {
     weights: Vec<Lanes>,
     rows: Vec<Row>,
-    /// Blocks to come, with the factor of the cluster that they were.
-    stack: Vec<(u32, f32)>,
+    /// Rows to come.
+    stack: Vec<Row>,
 }
 
 impl SharedCut {
@@ -55,9 +70,9 @@ impl SharedCut {
 
     /// The clusters of a row.
     pub(crate) fn block<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a Block {
-        match row.0 & OF_TREE {
-            0 => &self.blocks[row.0 as usize],
-            _ => &tree.blocks[(row.0 & !OF_TREE) as usize],
+        match row.block & OF_TREE {
+            0 => &self.blocks[row.block as usize],
+            _ => &tree.blocks[(row.block & !OF_TREE) as usize],
         }
     }
 }
@@ -108,24 +123,17 @@ impl WideTree {
         let mut left = MOST;
         for (b, (&weights, &peaks)) in draws.weights.iter().zip(&draws.peaks).enumerate() {
             let weighed = Weighed { weights, peaks };
-            let factor = |lane: usize| factors.get(b * WIDTH + lane).copied().unwrap_or(1.0);
-            opening.push(
-                Row::of_cut(b),
-                &cut.blocks[b],
-                weighed,
-                bar,
-                factor,
-                &mut left,
-            );
-            while let Some((block, factor)) = opening.stack.pop() {
-                let mut weighed = self.weights(block as usize, receiver, &seen);
-                for lane in 0..WIDTH {
-                    weighed.weights[lane] *= factor;
-                    weighed.peaks[lane] *= factor;
+            opening.push(Row::of_cut(b), &cut.blocks[b], weighed, bar, &mut left);
+            while let Some(row) = opening.stack.pop() {
+                let block = (row.block & !OF_TREE) as usize;
+                let mut weighed = self.weights(block, receiver, &seen);
+                if let Some(factor) = factors.get(row.cluster as usize) {
+                    for lane in 0..WIDTH {
+                        weighed.weights[lane] *= factor;
+                        weighed.peaks[lane] *= factor;
+                    }
                 }
-                let row = Row(block | OF_TREE);
-                let block = &self.blocks[block as usize];
-                opening.push(row, block, weighed, bar, |_| factor, &mut left);
+                opening.push(row, &self.blocks[block], weighed, bar, &mut left);
             }
         }
         std::mem::swap(&mut draws.weights, &mut opening.weights);
@@ -136,15 +144,7 @@ impl WideTree {
 impl Opening {
     /// Adds a row, without its clusters above the bar: what they hold is added next.
     #[inline(always)]
-    fn push(
-        &mut self,
-        row: Row,
-        block: &Block,
-        weighed: Weighed,
-        bar: f32,
-        factor: impl Fn(usize) -> f32,
-        left: &mut u32,
-    ) {
+    fn push(&mut self, row: Row, block: &Block, weighed: Weighed, bar: f32, left: &mut u32) {
         let Weighed { mut weights, peaks } = weighed;
         let mut any = false;
         for peak in peaks {
@@ -158,7 +158,10 @@ impl Opening {
                 {
                     *left -= 1;
                     weights[lane] = 0.0;
-                    self.stack.push((child as u32, factor(lane)));
+                    self.stack.push(Row {
+                        block: child as u32 | OF_TREE,
+                        cluster: row.cluster(lane),
+                    });
                 }
             }
         }
@@ -219,11 +222,15 @@ mod tests {
                 let child = cluster.block().map(|block| &tree.blocks[block]);
                 child.is_some_and(|child| rows.iter().any(|&row| std::ptr::eq(row, child)))
             };
-            let clusters = rows.iter().flat_map(|row| &row.clusters[..row.len()]);
             let mut seen = vec![0; lights.len()];
-            for cluster in clusters.filter(|cluster| !is_opened(cluster)) {
-                for light in tree.lights_below(*cluster) {
-                    seen[light.index()] += 1;
+            for (row, block) in draws.rows.iter().zip(&rows) {
+                let clusters = block.clusters[..block.len()].iter().enumerate();
+                for (lane, cluster) in clusters.filter(|(_, cluster)| !is_opened(cluster)) {
+                    let all = tree.lights_below(cut.cluster(row.cluster(lane) as usize));
+                    for light in tree.lights_below(*cluster) {
+                        assert!(all.contains(&light), "of another cluster of the cut");
+                        seen[light.index()] += 1;
+                    }
                 }
             }
             assert!(seen.iter().all(|&times| times == 1), "{seen:?}");

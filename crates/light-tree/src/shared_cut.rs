@@ -176,10 +176,11 @@ impl SharedCut {
         draws.dead = 0;
         draws.picks.push(Pick {
             cluster: self.cluster(i),
+            of: i as u32,
             expected: 1.0,
             u,
         });
-        tree.descend_all(receiver, draws);
+        tree.descend_all(receiver, f64::from(draws.weight(i)), draws);
         draws.lights.first().copied()
     }
 
@@ -202,18 +203,19 @@ impl SharedCut {
         draws.dead = 0;
         let mut left = samples.max(1);
         let mut total = draws.sum();
+        let mut step = 0.0;
         // Taking some out lowers the bar for the others. What is left has a weight, and so needs a sample.
         while total > 0.0 {
-            let bar = total / f64::from(left);
-            let taken = draws.take_certain(self, tree, bar);
+            step = total / f64::from(left);
+            let taken = draws.take_certain(self, tree, step);
             if taken == 0 {
-                draws.pick(self, tree, left, u, bar);
+                draws.pick(self, tree, left, u, step);
                 break;
             }
             left = left.saturating_sub(taken).max(1);
             total = draws.sum();
         }
-        tree.descend_all(receiver, draws);
+        tree.descend_all(receiver, step, draws);
     }
 }
 
@@ -253,6 +255,10 @@ pub struct Drawn {
     pub light: LightId,
     /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
     pub expected: f64,
+    /// The cluster of the cut that it is in.
+    pub cluster: u32,
+    /// What it would weigh, were the clusters' weights shared out as lights are drawn.
+    pub weight: f64,
 }
 
 /// Weights, picks and lights of one receiver; memory is kept from receiver to receiver.
@@ -276,9 +282,24 @@ pub struct Draws {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pick {
     pub(crate) cluster: Cluster,
+    /// The cluster of the cut that holds it.
+    pub(crate) of: u32,
     pub(crate) expected: f64,
     /// Chooses within the cluster.
     pub(crate) u: f64,
+}
+
+impl Pick {
+    /// `light`, to which the pick has led; a cluster of weight `step` is picked once on average.
+    #[inline]
+    pub(crate) fn drawn(&self, light: LightId, step: f64) -> Drawn {
+        Drawn {
+            light,
+            expected: self.expected,
+            cluster: self.of,
+            weight: self.expected * step,
+        }
+    }
 }
 
 impl Draws {
@@ -329,16 +350,18 @@ impl Draws {
                 continue;
             }
             let block = cut.block(tree, *row);
-            for (w, cluster) in weights.iter_mut().zip(block.clusters) {
+            for (lane, (w, cluster)) in weights.iter_mut().zip(block.clusters).enumerate() {
                 if f64::from(*w) >= bar
                     && let Some(light) = cluster.light()
                 {
-                    *w = 0.0;
                     taken += 1;
                     self.lights.push(Drawn {
                         light,
                         expected: 1.0,
+                        cluster: row.cluster(lane),
+                        weight: f64::from(*w),
                     });
+                    *w = 0.0;
                 }
             }
         }
@@ -373,8 +396,10 @@ impl Draws {
                 }
             }
             if let Some((lane, w, u)) = picked {
+                let row = self.rows[block];
                 self.picks.push(Pick {
-                    cluster: cut.block(tree, self.rows[block]).clusters[lane],
+                    cluster: cut.block(tree, row).clusters[lane],
+                    of: row.cluster(lane),
                     expected: w / step,
                     u: u.clamp(0.0, BELOW_ONE),
                 });

@@ -340,8 +340,8 @@ impl WideTree {
     }
 
     /// Draws one light for each of the picks, all descending side by side so that the memory latencies of one hide
-    /// behind the others'.
-    pub(crate) fn descend_all(&self, receiver: &Receiver, draws: &mut Draws) {
+    /// behind the others'. A cluster of weight `step` is picked once on average.
+    pub(crate) fn descend_all(&self, receiver: &Receiver, step: f64, draws: &mut Draws) {
         let Draws {
             picks,
             lights,
@@ -352,10 +352,7 @@ impl WideTree {
         active.clear();
         for pick in picks.iter() {
             match pick.cluster.light() {
-                Some(light) => lights.push(Drawn {
-                    light,
-                    expected: pick.expected,
-                }),
+                Some(light) => lights.push(pick.drawn(light, step)),
                 None => {
                     prefetch(self.blocks.get(pick.cluster.0 as usize));
                     active.push(*pick);
@@ -364,8 +361,8 @@ impl WideTree {
         }
         let seen = self.seen(receiver);
         by_width!(
-            self.descend_avx2(receiver, &seen, active, lights, dead),
-            self.descend(receiver, &seen, active, lights, dead)
+            self.descend_avx2(receiver, &seen, step, active, lights, dead),
+            self.descend(receiver, &seen, step, active, lights, dead)
         )
     }
 
@@ -376,11 +373,12 @@ impl WideTree {
         &self,
         receiver: &Receiver,
         seen: &Seen,
+        step: f64,
         active: &mut Vec<Pick>,
         lights: &mut Vec<Drawn>,
         dead: &mut u32,
     ) {
-        self.descend(receiver, seen, active, lights, dead);
+        self.descend(receiver, seen, step, active, lights, dead);
     }
 
     #[inline(always)]
@@ -388,6 +386,7 @@ impl WideTree {
         &self,
         receiver: &Receiver,
         seen: &Seen,
+        step: f64,
         active: &mut Vec<Pick>,
         lights: &mut Vec<Drawn>,
         dead: &mut u32,
@@ -410,10 +409,7 @@ impl WideTree {
                 match pick.cluster.light() {
                     // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from
                     // none.
-                    Some(light) if pick.expected > 0.0 => lights.push(Drawn {
-                        light,
-                        expected: pick.expected,
-                    }),
+                    Some(light) if pick.expected > 0.0 => lights.push(pick.drawn(light, step)),
                     Some(_) => *dead += 1,
                     None => {
                         prefetch(self.blocks.get(pick.cluster.0 as usize));

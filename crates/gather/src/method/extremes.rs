@@ -64,11 +64,12 @@ impl Visitor for Estimate<'_> {
             points: &points,
             width: 1,
             samples: 2,
+            is_milestone: true,
             pilots: &points[..1],
             probe_stream: &choice,
             stream: &|_, _| choice.clone(),
         };
-        method.begin_tile(&tile, &mut queue, &mut Vec::new(), &mut scratch);
+        method.begin_tile(&tile, &mut queue, &mut Learned::default(), &mut scratch);
         queue.begin_points(2, Rng::extreme(self.surface));
         method.pixel(&points, &mut queue, &mut choice.clone(), &mut scratch);
         queue.end_point();

@@ -20,9 +20,10 @@ use sampling::Rng;
 use serde::de::DeserializeOwned;
 
 use crate::Inputs;
+use crate::learned::Learned;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
-use crate::tile_points::TilePoints;
+use crate::tile_points::{TILE, TilePoints};
 
 pub use adaptive_splitting::{AdaptiveSplitting, AdaptiveSplittingSpec};
 pub use all_lights::AllLights;
@@ -62,13 +63,14 @@ pub trait Method<'a>: Sized + Sync {
     /// Begins one pass over a tile, with all gather points that will be handed over: for methods that do something for
     /// many of them at once. A method must do without it where it is not called.
     ///
-    /// `learned` is empty at first, and what the method leaves in it is there again in the next pass over the tile, unless
-    /// the render was stopped in between: it must be a function of what is the same in all passes.
+    /// `learned` is empty at first, and what the method leaves in it is there again in the next pass over the tile, with
+    /// what came of the trials since. It may take those in only where [`TilePoints::is_milestone`] says so: samples must
+    /// not depend on how they are split into passes.
     fn begin_tile<E: LightEval>(
         &self,
         _tile: &TilePoints<'_>,
         _eval: &mut E,
-        _learned: &mut Vec<f32>,
+        _learned: &mut Learned,
         _scratch: &mut Self::Scratch,
     ) {
     }
@@ -193,6 +195,17 @@ impl MethodSpec {
             light_tree::TreeBuilder::Binned,
         );
         self.visit(&nothing, Honesty)
+    }
+
+    /// Most bytes that it keeps of a picture of this size from pass to pass.
+    pub fn most_learned_bytes(&self, width: u32, height: u32) -> u64 {
+        match self {
+            Self::StratifiedLightcuts(spec) if spec.learn => {
+                let tiles = u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE));
+                tiles * Learned::most_bytes(spec.clusters.get())
+            }
+            _ => 0,
+        }
     }
 
     /// Whether it asks for a light tree.

@@ -1,35 +1,37 @@
-//! What reaches a tile of a cut's clusters: a few rays find out.
+//! What reaches a tile of a cut's clusters: a few rays find out, and then the samples themselves.
 //!
 //! A cluster's weight says what its lights would bring if nothing were in the way. In a hall most of it is in the way of most
 //! lights, and the samples that go to them are lost. Second moments rather than means set the weights right, as those make the
 //! variance of importance sampling least (Rubinstein 1981, §4.3; for lights: Vévoda, Kondapaneni, Křivánek 2018).
+//!
+//! What is in the way differs from pixel to pixel. Each block of a few pixels has factors of its own, by what came of the
+//! lights that were drawn for it; what it has not tried it takes from the tile, and that from its probes.
 
 use light_tree::{Draws, SharedCut, WideTree, luminance};
 use sampling::Rng;
 
+use crate::learned::{Learned, Probed};
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 
-/// Typical probes that each cluster has in advance: a cluster whose sixteen probes saw nothing keeps half its weight. With
-/// fewer the noise of most pixels is lower, but one in ten thousand finds a light that was thought hidden, thirty times too bright.
+/// So many trials each cluster has in advance, with what was known before: typical ones the probes, theirs the tile, the
+/// tile's each of its blocks. A cluster whose sixteen probes saw nothing keeps half its weight. With fewer the noise of most
+/// pixels is lower, but one in ten thousand finds a light that was thought hidden, thirty times too bright.
 const PRIOR: f64 = 6.0;
 /// What a factor is at most, times what is typical: one probe that met a light at arm's length must not draw a whole tile's
 /// samples to its cluster, as what another pixel then finds elsewhere by chance would count for too much.
 const MOST: f64 = 2.0;
 
-/// By how much the weight of each of the cut's clusters is to be multiplied, each > 0 and finite; 1 for all when no light
-/// reaches any of the `pilots`.
-///
-/// One light of each cluster is drawn and traced for each of the pilots.
-pub(super) fn factors<E: LightEval>(
+/// What each of the cut's clusters brings to the `pilots`, to each of which one light of each is drawn and traced.
+pub(super) fn probe<E: LightEval>(
     cut: &SharedCut,
     tree: &WideTree,
     pilots: &[GatherPoint],
     eval: &mut E,
     rng: &mut Rng,
     draws: &mut Draws,
-) -> Vec<f32> {
-    let mut clusters = vec![Probed::default(); cut.len()];
+) -> Probed {
+    let mut clusters = vec![Cluster::default(); cut.len()];
     let shifts: Vec<f64> = clusters.iter().map(|_| rng.f64()).collect();
     for (j, x) in pilots.iter().enumerate() {
         let albedo = f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo))));
@@ -46,7 +48,7 @@ pub(super) fn factors<E: LightEval>(
             let u = (shift + j as f64 * GOLDEN).fract();
             if let Some(drawn) = cut.draw_within(tree, &x.receiver, i, u, draws) {
                 let light = f64::from(luminance(eval.radiance(x, drawn.light)));
-                let share = light / (drawn.expected * expected);
+                let share = light / (drawn.weight * albedo);
                 cluster.squares += share * share;
             }
         }
@@ -58,13 +60,48 @@ pub(super) fn factors<E: LightEval>(
     }
     let typical = sum / weights;
     if !(typical > 0.0 && typical.is_finite()) {
-        return vec![1.0; clusters.len()];
+        return Probed {
+            squares: vec![1.0; clusters.len()],
+            typical: 0.0,
+        };
     }
-    let factor = |c: &Probed| {
-        let square = (c.squares / typical + PRIOR) / (c.probes + PRIOR);
-        square.sqrt().min(MOST) as f32
-    };
-    clusters.iter().map(factor).collect()
+    let square = |c: &Cluster| ((c.squares / typical + PRIOR) / (c.probes + PRIOR)) as f32;
+    Probed {
+        squares: clusters.iter().map(square).collect(),
+        typical,
+    }
+}
+
+impl Probed {
+    /// What clusters' weights are to be multiplied by, each > 0 and finite; 1 for all when no light reached any pilot.
+    pub(crate) fn factors(&self) -> impl Iterator<Item = f32> {
+        self.squares.iter().map(|&square| factor(square.into()))
+    }
+}
+
+impl Learned {
+    /// Takes in what came of the trials so far. Nothing is left of the order in which they were made.
+    pub(crate) fn take_in(&mut self) {
+        let clusters = self.probed.squares.len();
+        let mut squares: Vec<f64> = Vec::with_capacity(clusters);
+        for (c, &probed) in self.probed.squares.iter().enumerate() {
+            let of_tile = self.trials.iter().skip(c).step_by(clusters.max(1));
+            let (count, sum) = of_tile.fold((0.0, 0.0), |(count, sum), trials| {
+                (count + f64::from(trials.count), sum + trials.squares())
+            });
+            squares.push((sum + PRIOR * f64::from(probed)) / (count + PRIOR));
+        }
+        let known = squares.iter().cycle();
+        for ((to, trials), known) in self.factors.iter_mut().zip(&self.trials).zip(known) {
+            let square = (trials.squares() + PRIOR * known) / (f64::from(trials.count) + PRIOR);
+            *to = factor(square);
+        }
+    }
+}
+
+/// The factor of a cluster with this mean square, in units of what is typical.
+fn factor(square: f64) -> f32 {
+    square.sqrt().min(MOST) as f32
 }
 
 /// The fraction of the golden ratio: its multiples are even over [0, 1) however many there are.
@@ -72,7 +109,7 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// What the probes of a cluster found.
 #[derive(Debug, Clone, Copy, Default)]
-struct Probed {
+struct Cluster {
     probes: f64,
     /// Sum of the weights at the pilots.
     weight: f64,
@@ -90,6 +127,7 @@ mod tests {
     use super::*;
     use crate::Inputs;
     use crate::contribution::VirtualShape;
+    use crate::learned::Trials;
     use crate::method::conformance::room;
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
 
@@ -126,7 +164,8 @@ mod tests {
         let receivers: Vec<_> = pilots.iter().map(|x| x.receiver).collect();
         cut.refine(tree, &receivers, 128);
         let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
-        let factors = factors(&cut, tree, &pilots, &mut queue, rng, &mut draws);
+        let probed = probe(&cut, tree, &pilots, &mut queue, rng, &mut draws);
+        let factors: Vec<_> = probed.factors().collect();
         assert_eq!(factors.len(), cut.len());
         assert!(factors.iter().all(|f| f.is_finite() && *f > 0.0));
 
@@ -162,6 +201,45 @@ mod tests {
     }
 
     #[test]
+    fn blocks_learn_from_their_trials_and_from_the_tiles_where_they_have_none() {
+        let probed = Probed {
+            squares: vec![1.0; 3],
+            typical: 0.25,
+        };
+        let mut learned = Learned::of(probed);
+        let of_block = |block: usize| 3 * block..3 * block + 3;
+        // Cluster 0 was hidden from block 0 and in full sight of block 1, cluster 1 of both; nobody tried cluster 2.
+        for (place, arrives) in [(0, 0.0), (3, 1.0), (1, 1.0), (4, 1.0)] {
+            for _ in 0..100 {
+                learned.trials[place].begin();
+                learned.trials[place].arrive(Trials::square(arrives, 1.0));
+            }
+        }
+        learned.take_in();
+        let factors = |block| &learned.factors[of_block(block)];
+        assert!(factors(0)[0] < 0.2, "{:?}", factors(0));
+        assert!((factors(1)[0] - 1.0).abs() < 0.02, "{:?}", factors(1));
+        // The tile saw half of it.
+        assert!(
+            (factors(7)[0] - 0.5f32.sqrt()).abs() < 0.02,
+            "{:?}",
+            factors(7)
+        );
+        for block in [0, 1, 7] {
+            assert!(
+                (factors(block)[1] - 1.0).abs() < 1e-6,
+                "{:?}",
+                factors(block)
+            );
+            assert_eq!(factors(block)[2], 1.0);
+        }
+        // The same trials say the same again.
+        let before = learned.clone();
+        learned.take_in();
+        assert_eq!(learned, before);
+    }
+
+    #[test]
     fn nothing_is_learned_where_nothing_arrives() {
         let scene = room(false);
         let tracer = Tracer::build(&scene);
@@ -180,8 +258,10 @@ mod tests {
         let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
         let on_floor = &pilots[..1];
         for pilots in [on_floor, &[]] {
-            let factors = factors(&cut, tree, pilots, &mut queue, rng, &mut draws);
+            let probed = probe(&cut, tree, pilots, &mut queue, rng, &mut draws);
+            let factors: Vec<_> = probed.factors().collect();
             assert_eq!(factors, vec![1.0; cut.len()], "{} pilots", pilots.len());
+            assert_eq!(probed.typical, 0.0);
         }
     }
 }

@@ -134,6 +134,7 @@ mod tests {
     use super::*;
     use crate::Inputs;
     use crate::contribution::VirtualShape;
+    use crate::learned::Learned;
     use crate::method::conformance::{gather_points, light_sets, radiances, room, running};
     use crate::method::fixtures::{all_lights, at};
     use crate::method::{Method, StochasticLightcuts, StochasticLightcutsSpec};
@@ -171,6 +172,7 @@ mod tests {
                 points: &points,
                 width: 16,
                 samples: SAMPLES,
+                is_milestone: true,
                 probe_stream: &stream(0, Purpose::Probe),
                 stream: &stream,
             };
@@ -185,7 +187,7 @@ mod tests {
                 &mut memory,
             );
             let mut scratch = Default::default();
-            method.begin_tile(&tile, &mut queue, &mut Vec::new(), &mut scratch);
+            method.begin_tile(&tile, &mut queue, &mut Learned::default(), &mut scratch);
             for x in &points {
                 queue.begin_point(stream(x.slot, Purpose::LightSurface));
                 let mut rng = stream(x.slot, Purpose::Lights);
@@ -236,6 +238,7 @@ mod tests {
                 points: &points,
                 width: 4,
                 samples: 1,
+                is_milestone: true,
                 probe_stream: &stream(0, Purpose::Probe),
                 stream: &stream,
             };

@@ -14,6 +14,7 @@ use super::shared_cuts::{BlockEdge, SharedCuts};
 use super::{Count, Fraction, Method};
 use crate::Inputs;
 use crate::counters::Phase;
+use crate::learned::Learned;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 use crate::tile_points::TilePoints;
@@ -171,7 +172,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         &self,
         tile: &TilePoints<'_>,
         _eval: &mut E,
-        _learned: &mut Vec<f32>,
+        _learned: &mut Learned,
         scratch: &mut StochasticLightcutsScratch,
     ) {
         let edge = self.spec.share.get();

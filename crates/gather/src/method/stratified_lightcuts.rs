@@ -4,16 +4,17 @@
 //! What it adds to Stochastic Lightcuts (Yuksel 2019): a cut of hundreds of clusters, made once for a tile and weighed
 //! for each point eight clusters at a time, takes the place of ten clusters a point, but for those too near to be weighed as
 //! a whole, which are taken apart for the point; weights estimate rather than bound what a cluster brings, lobes
-//! included, and are set right by what a few rays find in the way; and the draws of all of a pixel's samples follow one
+//! included, and are set right by what a few rays, and then the samples so far, find in the way; and the draws of all of a pixel's samples follow one
 //! low-discrepancy sequence along the tree's order, together with the places in the pixel.
 
-use light_tree::{Draws, SharedCut, WideTree};
+use light_tree::{Draws, SharedCut, WideTree, luminance};
 use sampling::Rng;
 use serde::Deserialize;
 
 use super::{Count, Method, probes};
 use crate::Inputs;
 use crate::counters::Phase;
+use crate::learned::{Learned, Trial};
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
 use crate::tile_points::TilePoints;
@@ -33,7 +34,8 @@ pub struct StratifiedLightcutsSpec {
     pub samples: Count,
     /// Clusters that a tile shares, in 1..=65536.
     pub clusters: Count,
-    /// Whether weights are set right by what reaches the tile, as a few rays find out.
+    /// Whether weights are set right by what reaches the tile, and blocks of 4 × 4 pixels of it, as a few rays and the samples
+    /// so far find out.
     pub learn: bool,
     /// Whether clusters that are too near a point, or too wide for its lobe, are taken apart for it.
     pub open: bool,
@@ -55,8 +57,8 @@ impl Default for StratifiedLightcutsSpec {
 
 /// Clusters of a point that no tile's cut was made for.
 const OWN_CLUSTERS: usize = 64;
-/// The first sample of a pixel that is drawn by what was learned: the ones before are to be had at once, and so many are a
-/// block of the sequence.
+/// The first sample of a pixel that is drawn by what was learned, and from which is learned: the ones before are to be had at
+/// once, and so many are a block of the sequence.
 pub(super) const LEARNED_FROM: u32 = 2;
 /// The sequence's dimension that chooses lights, after the two of the place in the pixel.
 pub(super) const LIGHTS: u32 = 2;
@@ -67,8 +69,10 @@ pub struct StratifiedScratch {
     shared: SharedCut,
     own: SharedCut,
     draws: Draws,
-    /// What the weights of the shared clusters are multiplied by; empty for nothing.
+    /// What the weights of the shared clusters are multiplied by, block by block; empty for nothing.
     factors: Vec<f32>,
+    /// What arrives typically of a light that is expected to bring 1; 0 when that is not known.
+    typical: f64,
 }
 
 impl<'a> Method<'a> for StratifiedLightcuts<'a> {
@@ -92,7 +96,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         &self,
         tile: &TilePoints<'_>,
         eval: &mut E,
-        learned: &mut Vec<f32>,
+        learned: &mut Learned,
         scratch: &mut StratifiedScratch,
     ) {
         let Some(tree) = self.tree else { return };
@@ -100,16 +104,23 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             shared,
             draws,
             factors,
+            typical,
             ..
         } = scratch;
         let receivers: Vec<_> = tile.pilots.iter().map(|x| x.receiver).collect();
         shared.refine(tree, &receivers, self.spec.clusters.get() as usize);
         let is_late = |x: &GatherPoint| x.bounce == 0 && x.sample >= LEARNED_FROM;
-        if self.spec.learn && learned.is_empty() && tile.points.iter().any(is_late) {
+        if learned.probed.squares.len() == shared.len() {
+            if tile.is_milestone {
+                learned.take_in();
+            }
+        } else if self.spec.learn && tile.points.iter().any(is_late) {
             let rng = &mut tile.probe_stream.clone();
-            *learned = probes::factors(shared, tree, tile.pilots, eval, rng, draws);
+            let probed = probes::probe(shared, tree, tile.pilots, eval, rng, draws);
+            *learned = Learned::of(probed);
         }
-        factors.clone_from(learned);
+        factors.clone_from(&learned.factors);
+        *typical = learned.probed.typical.sqrt();
     }
 
     fn point<E: LightEval>(
@@ -125,6 +136,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             own,
             draws,
             factors,
+            typical,
         } = scratch;
         // Behind the first hit points lie anywhere, and which path got there is random.
         let is_seen = x.bounce == 0;
@@ -136,8 +148,9 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             own.refine(tree, &[x.receiver], size);
             own
         };
-        let factors: &[f32] = match is_shared && x.sample >= LEARNED_FROM {
-            true => factors,
+        let block = x.block as usize * cut.len();
+        let factors: &[f32] = match is_shared && x.sample >= LEARNED_FROM && !factors.is_empty() {
+            true => &factors[block..][..cut.len()],
             false => &[],
         };
         let samples = self.spec.samples.get();
@@ -157,8 +170,21 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         for drawn in draws.lights() {
             eval.expect(drawn.light);
         }
-        for drawn in draws.lights() {
-            eval.add(x, drawn.light, 1.0 / drawn.expected);
+        if factors.is_empty() || *typical == 0.0 {
+            for drawn in draws.lights() {
+                eval.add(x, drawn.light, 1.0 / drawn.expected);
+            }
+        } else {
+            let albedo = f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo))));
+            for drawn in draws.lights() {
+                let cluster = drawn.cluster as usize;
+                let weight = drawn.weight / f64::from(factors[cluster]);
+                let trial = Trial {
+                    place: (block + cluster) as u32,
+                    expected: weight * albedo * *typical,
+                };
+                eval.add_trial(x, drawn.light, 1.0 / drawn.expected, trial);
+            }
         }
         for _ in 0..draws.dead() {
             eval.count_dead();
@@ -178,6 +204,7 @@ mod tests {
     use crate::method::conformance::{gather_points, light_sets, room};
     use crate::method::{MethodSpec, conformance};
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
+    use crate::tile_points::BLOCKS;
 
     #[test]
     fn a_cut_made_for_other_points_gives_the_light_of_all_lights() {
@@ -203,12 +230,13 @@ mod tests {
             let shape = VirtualShape::Sphere;
             let mut queue =
                 ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
-            let mut learned = Vec::new();
+            let mut learned = Learned::default();
             method.begin_tile(
                 &TilePoints {
                     points: &late,
                     width: 1,
                     samples: 1,
+                    is_milestone: true,
                     pilots: &late,
                     probe_stream: &stream(0, Purpose::Probe),
                     stream: &stream,
@@ -217,7 +245,7 @@ mod tests {
                 &mut learned,
                 &mut scratch,
             );
-            has_learned |= learned.iter().any(|&factor| factor != 1.0);
+            has_learned |= learned.factors.iter().any(|&factor| factor != 1.0);
             for x in &points[2..] {
                 let count = 3000;
                 let mut memory = QueueScratch::default();
@@ -269,5 +297,97 @@ mod tests {
             }
         }
         assert!(checked >= 30 && has_learned, "{checked} cases");
+    }
+
+    #[test]
+    fn what_comes_of_lights_is_noted_where_their_cluster_is() {
+        let scene = room(false);
+        let tracer = Tracer::build(&scene);
+        let points = gather_points(&scene);
+        let mut lights = light_tree::LightSet::default();
+        for i in 0..900 {
+            let (x, z) = ((i % 30) as f32 / 7.5 - 1.99, (i / 30) as f32 / 7.5 - 1.99);
+            lights.push_point(glam::Vec3::new(x, 2.5, z), glam::Vec3::ONE);
+        }
+        let inputs = Inputs::new(lights, TreeBuilder::Binned);
+        let tree = inputs.wide_tree().expect("has lights");
+        let method = StratifiedLightcuts::prepare(&Default::default(), &inputs);
+        let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
+        let mut scratch = StratifiedScratch::default();
+        let mut memory = QueueScratch::default();
+        let shape = VirtualShape::Sphere;
+        let set = &inputs.lights;
+        let mut queue = ShadowQueue::new(&scene, set, &tracer, shape, 1, &mut memory);
+        let (mut dark, mut lit) = (0, 0);
+        for (block, x) in points.iter().enumerate() {
+            let x = GatherPoint {
+                sample: LEARNED_FROM,
+                block: block as u32,
+                slot: 0,
+                ..*x
+            };
+            let mut learned = Learned::default();
+            let pilots = &points;
+            let tile = TilePoints {
+                points: &[x],
+                width: 1,
+                samples: 1,
+                is_milestone: true,
+                pilots,
+                probe_stream: &stream(0, Purpose::Probe),
+                stream: &stream,
+            };
+            method.begin_tile(&tile, &mut queue, &mut learned, &mut scratch);
+            queue.give_trials(std::mem::take(&mut learned.trials));
+            for slot in 0..400 {
+                queue.begin_point(stream(slot, Purpose::LightSurface));
+                let sequence = Sequence(slot);
+                let rng = &mut stream(slot, Purpose::Lights);
+                method.point(
+                    &GatherPoint { sequence, ..x },
+                    &mut queue,
+                    rng,
+                    &mut scratch,
+                );
+                queue.end_point();
+            }
+            let trials = queue.take_trials();
+            let cut = &scratch.shared;
+            assert_eq!(trials.len(), BLOCKS * cut.len());
+            let of_block = block * cut.len()..(block + 1) * cut.len();
+            let others = trials
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| !of_block.contains(i));
+            assert!(
+                others.map(|(_, t)| t.count).all(|count| count == 0),
+                "another block's"
+            );
+            let drawn: u32 = trials.iter().map(|t| t.count).sum();
+            assert!((3600..=4000).contains(&drawn), "{drawn} were noted");
+            let mut draws = Draws::default();
+            cut.weigh(tree, &x.receiver, &mut draws);
+            for (i, trials) in trials[of_block].iter().enumerate() {
+                if trials.count < 20 {
+                    continue;
+                }
+                let mut arrives = |k: u32| {
+                    let u = (f64::from(k) + 0.5) / 64.0;
+                    let drawn = cut.draw_within(tree, &x.receiver, i, u, &mut draws);
+                    drawn.is_some_and(|drawn| queue.radiance(&x, drawn.light) != glam::Vec3::ZERO)
+                };
+                let seen = (0..64).filter(|&k| arrives(k)).count();
+                let square = trials.squares() / f64::from(trials.count);
+                if seen == 0 {
+                    dark += 1;
+                    // One of a hundred may have been missed.
+                    assert!(square < 0.2, "{square} of hidden lights");
+                } else if seen == 64 {
+                    lit += 1;
+                    assert!(square > 0.2, "{square} of lights in sight");
+                }
+            }
+        }
+        assert!(dark > 20 && lit > 20, "{dark} dark, {lit} lit clusters");
     }
 }

@@ -1,8 +1,10 @@
 //! A render's state as bytes, so that another process can go on with it to the same bits.
 //!
 //! Little-endian: samples done (u32), seconds (f64), counters (u64 each); then tile by tile the samples done
-//! (u32) and pixel by pixel the statistics and the sums of features. What the render is of is not in there:
-//! whoever keeps the bytes makes sure that they meet the same scene, lights and settings again.
+//! (u32), pixel by pixel the statistics and the sums of features, and what was learned: the number of clusters (u32), what is
+//! typical (f64), the mean square of each (f32), and unless nothing is typical factors (f32) and trials (u32 each) by blocks and
+//! clusters. What the render is of is not in there: whoever keeps the bytes makes sure that they meet the same scene, lights
+//! and settings again.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 
@@ -11,6 +13,7 @@ use glam::DVec3;
 
 use super::{Features, Render, Tile};
 use crate::counters::{Counters, PHASES};
+use crate::learned::{Learned, MOST_BEYOND, Probed};
 
 /// Counters of [`Counters`].
 const COUNTERS: usize = 7 + PHASES;
@@ -34,6 +37,7 @@ impl Render<'_> {
                 to.write_all(&pixel.to_bytes())?;
                 features.save(to)?;
             }
+            tile.learned.save(to)?;
         }
         Ok(())
     }
@@ -88,7 +92,58 @@ impl Tile {
                 return Err(unsound(format!("{features:?}")));
             }
         }
+        self.learned = Learned::read(from)?;
         Ok(())
+    }
+}
+
+/// Clusters of a cut, at most.
+const MOST_CLUSTERS: u32 = (1 << 16) + MOST_BEYOND;
+
+impl Learned {
+    fn save(&self, to: &mut dyn Write) -> Result<()> {
+        let Probed { squares, typical } = &self.probed;
+        to.write_all(&(squares.len() as u32).to_le_bytes())?;
+        to.write_all(&typical.to_le_bytes())?;
+        for square in squares {
+            to.write_all(&square.to_le_bytes())?;
+        }
+        for (factor, trials) in self.factors.iter().zip(&self.trials) {
+            to.write_all(&factor.to_le_bytes())?;
+            to.write_all(&trials.count.to_le_bytes())?;
+            to.write_all(&trials.squares.to_le_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn read(from: &mut dyn Read) -> Result<Self> {
+        let clusters = u32::from_le_bytes(take(from)?);
+        let typical = f64::from_le_bytes(take(from)?);
+        let is_sound = clusters <= MOST_CLUSTERS && typical >= 0.0 && typical.is_finite();
+        if !is_sound {
+            let what = format!("{clusters} clusters of typically {typical}");
+            return Err(unsound(what));
+        }
+        let mut squares = Vec::new();
+        for _ in 0..clusters {
+            squares.push(positive(from)?);
+        }
+        let mut learned = Self::of(Probed { squares, typical });
+        for (factor, trials) in learned.factors.iter_mut().zip(&mut learned.trials) {
+            *factor = positive(from)?;
+            trials.count = u32::from_le_bytes(take(from)?);
+            trials.squares = u32::from_le_bytes(take(from)?);
+        }
+        Ok(learned)
+    }
+}
+
+/// A number above 0.
+fn positive(from: &mut dyn Read) -> Result<f32> {
+    let number = f32::from_le_bytes(take(from)?);
+    match number > 0.0 && number.is_finite() {
+        true => Ok(number),
+        false => Err(unsound(format!("{number} where something was learned"))),
     }
 }
 
@@ -207,15 +262,10 @@ mod tests {
     }
 
     fn whole_numbers(render: &Render<'_>) -> Counters {
-        let mut counters = Counters {
+        Counters {
             nanoseconds: [0; PHASES],
             ..render.counters()
-        };
-        if render.learned_bytes() > 0 {
-            // What is learned of a tile is not saved, but found out anew.
-            (counters.shadow_rays, counters.light_samples) = (0, 0);
         }
-        counters
     }
 
     #[test]

@@ -199,7 +199,27 @@ fn a_method_that_takes_whole_pixels_gets_all_samples_at_once() {
 }
 
 #[test]
-fn what_is_learned_takes_a_number_for_each_of_a_tiles_clusters() {
+fn samples_do_not_depend_on_how_they_are_split_into_passes() {
+    let scene = floor_scene();
+    let tracer = Tracer::build(&scene);
+    let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
+    for method in [sharing(1), sharing(3), MethodSpec::default()] {
+        let picture = |most| {
+            let spec = RenderSpec { spp: 37, ..spec() };
+            let mut render = Render::new(&scene, &tracer, &inputs, &method, spec);
+            while render.pass_of_at_most(most, &|_| ()).is_some() {}
+            assert_eq!(render.spp(), 37);
+            render.picture()
+        };
+        let natural = picture(u32::MAX);
+        for most in [1, 3, 7] {
+            assert!(picture(most) == natural, "{most} at once, {method:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_learned_takes_a_few_numbers_for_each_of_a_tiles_clusters() {
     let scene = floor_scene();
     let tracer = Tracer::build(&scene);
     let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
@@ -213,10 +233,11 @@ fn what_is_learned_takes_a_number_for_each_of_a_tiles_clusters() {
         render.learned_bytes()
     };
     assert_eq!([bytes(2, true), bytes(4, false)], [0, 0], "nothing learned");
-    // 4 by 3 tiles of up to 256 + 7 clusters; those at the top see no floor.
-    let tile = 263 * size_of::<f32>();
-    let learned = bytes(4, true);
-    assert!((tile..=12 * tile).contains(&learned), "{learned} bytes");
+    // 4 by 3 tiles of up to 128 + 7 clusters; those at the top see no floor.
+    let most = MethodSpec::default().most_learned_bytes(spec().width, spec().height);
+    let learned = bytes(4, true) as u64;
+    assert_eq!(most, 12 * 135 * (4 + 16 * 12));
+    assert!((most / 12..=most).contains(&learned), "{learned} bytes");
 }
 
 #[test]
