@@ -177,6 +177,7 @@ impl SharedCut {
         draws.picks.push(Pick {
             cluster: self.cluster(i),
             of: i as u32,
+            is_far: false,
             expected: 1.0,
             u,
         });
@@ -284,6 +285,8 @@ pub(crate) struct Pick {
     pub(crate) cluster: Cluster,
     /// The cluster of the cut that holds it.
     pub(crate) of: u32,
+    /// Whether all it holds is far off.
+    pub(crate) is_far: bool,
     pub(crate) expected: f64,
     /// Chooses within the cluster.
     pub(crate) u: f64,
@@ -400,6 +403,7 @@ impl Draws {
                 self.picks.push(Pick {
                     cluster: cut.block(tree, row).clusters[lane],
                     of: row.cluster(lane),
+                    is_far: false,
                     expected: w / step,
                     u: u.clamp(0.0, BELOW_ONE),
                 });

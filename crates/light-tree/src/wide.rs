@@ -67,14 +67,14 @@ pub(crate) struct Block {
     /// Emission axis, or travel direction, and the cosine of the cone about it.
     axis: [Lanes; 3],
     cos: Lanes,
-    /// ‖I‖.
+    /// ‖I‖. With the next all that is read of a block that is far off: one line of the cache.
     intensity: Lanes,
+    pub(crate) clusters: [Cluster; WIDTH],
     /// Greatest radius of the spheres.
     radius: Lanes,
     /// Square of the distance at which the nearest of the lights is to be expected, seen from among them, and no less
     /// than what the smallest of the spheres counts as.
     near2: Lanes,
-    pub(crate) clusters: [Cluster; WIDTH],
 }
 
 impl Block {
@@ -398,21 +398,26 @@ impl WideTree {
                 let Some(block) = pick.cluster.block() else {
                     continue;
                 };
-                let weights = self.weights(block, receiver, seen).weights;
-                let Some((lane, p, u)) = choose(&weights, pick.u) else {
+                let shares = self.shares(block, receiver, seen, pick.is_far);
+                let Some((lane, p, u)) = choose(&shares, pick.u) else {
                     *dead += 1;
                     continue;
                 };
                 pick.expected *= p;
                 pick.u = u;
                 pick.cluster = self.blocks[block].clusters[lane];
+                pick.is_far = pick.is_far || self.is_far(block, lane, seen);
                 match pick.cluster.light() {
                     // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from
                     // none.
                     Some(light) if pick.expected > 0.0 => lights.push(pick.drawn(light, step)),
                     Some(_) => *dead += 1,
                     None => {
-                        prefetch(self.blocks.get(pick.cluster.0 as usize));
+                        let next = self.blocks.get(pick.cluster.0 as usize);
+                        match pick.is_far {
+                            true => prefetch(next.map(|block| &block.intensity)),
+                            false => prefetch(next),
+                        }
                         active[kept] = pick;
                         kept += 1;
                     }
@@ -433,8 +438,8 @@ impl WideTree {
         let seen = self.seen(receiver);
         let mut lights = Vec::new();
         let mut dead = 0.0;
-        let mut stack = vec![(root, 1.0)];
-        while let Some((cluster, pmf)) = stack.pop() {
+        let mut stack = vec![(root, 1.0, false)];
+        while let Some((cluster, pmf, is_far)) = stack.pop() {
             if let Some(light) = cluster.light() {
                 lights.push((light, pmf));
                 continue;
@@ -442,14 +447,16 @@ impl WideTree {
             let Some(block) = cluster.block() else {
                 continue;
             };
-            let weights = self.weights(block, receiver, &seen).weights;
+            let weights = self.shares(block, receiver, &seen, is_far);
             let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
             if sum <= 0.0 {
                 dead += pmf;
                 continue;
             }
             for (lane, &w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                stack.push((self.blocks[block].clusters[lane], pmf * f64::from(w) / sum));
+                let is_far = is_far || self.is_far(block, lane, &seen);
+                let child = self.blocks[block].clusters[lane];
+                stack.push((child, pmf * f64::from(w) / sum, is_far));
             }
         }
         (lights, dead)
@@ -480,6 +487,40 @@ impl WideTree {
             self.blocks[block].add_parallel(receiver, parallel, &mut bounds);
         }
         bounds
+    }
+
+    /// What lights of a block's clusters are drawn by: their weights, or where all that the block holds is far off, their
+    /// intensities.
+    #[inline(always)]
+    fn shares(&self, block: usize, receiver: &Receiver, seen: &Seen, is_far: bool) -> Lanes {
+        match is_far {
+            true => self.blocks[block].intensity,
+            false => self.weights(block, receiver, seen).weights,
+        }
+    }
+
+    /// Whether the lights of a cluster are so far off, and shine so much alike, that only their intensities tell them
+    /// apart.
+    #[inline(always)]
+    fn is_far(&self, block: usize, lane: usize, seen: &Seen) -> bool {
+        let parallel = self.parallel.get(block);
+        if parallel.is_some_and(|parallel| parallel[lane] > 0.0) {
+            return false;
+        }
+        let block = &self.blocks[block];
+        if self.oriented && block.cos[lane] < ALIKE {
+            return false;
+        }
+        let (mut centre2, mut half2) = (0.0, 0.0);
+        for axis in 0..3 {
+            let (lo, hi) = (block.lo[axis][lane], block.hi[axis][lane]);
+            let (c, h) = (0.5 * (lo + hi) - seen.position[axis], 0.5 * (hi - lo));
+            centre2 += c * c;
+            half2 += h * h;
+        }
+        let radius = block.radius[lane];
+        let width2 = seen.lobe.as_ref().map_or(1.0, |lobe| lobe.alpha2);
+        half2 + radius * radius < FAR2 * width2 * centre2
     }
 
     /// Weights of the clusters of a block.
@@ -608,6 +649,11 @@ const GREATEST: f32 = 1e30;
 /// A cluster weighs at least this share of what it would if all its lights were where they bring most: where it is lit by a
 /// corner of its box alone, what is drawn there by chance would count for thousands of times as much.
 const LEAST_OF_MOST: f32 = 0.005;
+/// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
+/// or of the lobe's width.
+const FAR2: f32 = 0.04;
+/// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
+const ALIKE: f32 = 0.95;
 /// Relative slack of reaches, so that rounding never makes a lit box dark.
 const SLACK: f32 = 2e-6;
 /// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
@@ -755,6 +801,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::lobe::Lobe;
     use crate::shared_cut::SharedCut;
     use crate::test_lights::{
         BLACK, any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
@@ -843,6 +890,45 @@ mod tests {
             }
         }
         assert!(corner > 0.004 * whole, "{corner} and {whole}");
+    }
+
+    #[test]
+    fn far_lights_are_drawn_by_their_intensities_and_near_ones_are_not() {
+        let mut lights = LightSet::default();
+        for i in 0..500 {
+            let place = Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
+            lights.push_point(0.1 * place, Vec3::splat(1.0 + (i * 7 % 13) as f32));
+        }
+        let tree = wide(&lights).expect("has lights");
+        let spread_at = |at: Receiver| {
+            let (pmfs, _) = tree.pmf_below(&at, Cluster(0));
+            let mut spread = 0.0f64;
+            // The first choice is always made by weights.
+            for lane in tree.blocks[0].clusters {
+                let below = tree.lights_below(lane);
+                let pmfs = pmfs.iter().filter(|(id, _)| below.contains(id));
+                let ratios = pmfs.map(|(id, pmf)| pmf / f64::from(lights.intensity(*id).x));
+                let (lo, hi) =
+                    ratios.fold((f64::MAX, 0.0f64), |(lo, hi), r| (lo.min(r), hi.max(r)));
+                spread = spread.max(hi / lo);
+            }
+            spread
+        };
+        let down = |height| receiver((Vec3::new(0.5, height, 0.3), Vec3::NEG_Y));
+        assert!(spread_at(down(9.0)) < 1.0 + 1e-4, "far");
+        assert!(spread_at(down(1.2)) > 1.5, "near");
+        let polished = Lobe {
+            axis: Vec3::NEG_Y,
+            diffuse: 0.02,
+            near: 0.25,
+            far: 0.0,
+            far_sin2: 1.0,
+            alpha2: 1e-4,
+        };
+        assert!(
+            spread_at(down(9.0).with_lobe(polished)) > 1.5,
+            "a narrow lobe"
+        );
     }
 
     #[test]
