@@ -71,6 +71,11 @@ pub(crate) fn fingerprint(scene: &Scene) -> u64 {
     for indices in [&mesh.indices, &mesh.normal_indices, &mesh.uv_indices] {
         hash.words(indices.iter().copied().flatten());
     }
+    if !mesh.colours.is_empty() {
+        let colours = mesh.colours.iter();
+        hash.words(colours.flat_map(|c| c.to_array().map(f32::to_bits)));
+        hash.words(mesh.colour_indices.iter().copied().flatten());
+    }
     hash.words(mesh.materials.iter().map(|m| m.0));
     for texture in &scene.textures {
         hash.debug(&(texture.width, texture.height, texture.has_alpha));

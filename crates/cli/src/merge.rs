@@ -1,6 +1,6 @@
 //! `manylight merge`.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::Path};
 
 use film::{Exposure, FilmError, Metadata, Picture};
 use gather::Shard;
@@ -14,36 +14,40 @@ pub(crate) const SHARD: &str = "shard";
 
 pub(crate) fn run(arguments: &MergeArgs) -> Result<(), CliError> {
     check_file(&arguments.out)?;
-    let mut parts = Vec::new();
     let mut shards = Vec::new();
     let mut metadata: Option<Metadata> = None;
-    for path in &arguments.shards {
+    let parts = arguments.shards.iter().map(|path| {
         let (picture, mut found) = Picture::read_exr(path)?;
         shards.extend(taken_out(&mut found));
         match &metadata {
-            Some(first) if content(first) != content(&found) => {
-                let pairs = content(first).into_iter().zip(content(&found));
-                let differs = pairs.into_iter().find(|(a, b)| a != b);
-                let what = differs.map_or(String::new(), |(a, b)| {
-                    format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
-                });
-                return Err(CliError::Input(format!(
-                    "{}: a shard of another render{what}",
-                    path.display()
-                )));
-            }
-            Some(_) => {}
+            Some(first) => expect_same(first, &found, path)?,
             None => metadata = Some(found),
         }
-        parts.push((path.display().to_string(), picture));
-    }
-    let whole = Picture::merge(&parts).map_err(|error| match error {
-        FilmError::MergeMissing { .. } => missing(error, &shards),
-        error => error.into(),
+        Ok((path.display().to_string(), picture))
+    });
+    let whole = Picture::merge(parts).map_err(|error| match error {
+        CliError::Film(error @ FilmError::MergeMissing { .. }) => missing(error, &shards),
+        error => error,
     })?;
     whole.write_exr(&arguments.out, &metadata.unwrap_or_default())?;
     whole.write_png(&arguments.out.with_extension("png"), Exposure::Auto)?;
     Ok(())
+}
+
+/// An error if the shard at `path` is of another render than the first one.
+fn expect_same(first: &Metadata, found: &Metadata, path: &Path) -> Result<(), CliError> {
+    if content(first) == content(found) {
+        return Ok(());
+    }
+    let pairs = content(first).into_iter().zip(content(found));
+    let differs = pairs.into_iter().find(|(a, b)| a != b);
+    let what = differs.map_or(String::new(), |(a, b)| {
+        format!(": {} is {:?}; expected {:?}", b.0, b.1, a.1)
+    });
+    Err(CliError::Input(format!(
+        "{}: a shard of another render{what}",
+        path.display()
+    )))
 }
 
 /// Which shard the metadata tell of, without which they are those of the whole picture.

@@ -212,81 +212,120 @@ impl Picture {
     ///
     /// Each pixel, in all layers, comes bit for bit from the one shard whose `samples` there is not zero.
     /// The order of the shards does not matter. Direct and indirect light are told apart if all shards do.
+    /// Shards are asked for one after the other, and each is dropped before the next: if `parts` reads them when
+    /// asked, a thousand need no more memory than two.
     ///
     /// # Errors
     ///
-    /// No shards; shards of different size; pixels that two shards have, or none. The message says how many
-    /// pixels, where the first one is and whose shards they are.
-    pub fn merge(parts: &[(String, Picture)]) -> Result<Picture, FilmError> {
-        let Some((first_name, first)) = parts.first() else {
-            return Err(FilmError::MergeNothing);
+    /// The first error of `parts`; no shards; shards of different size; pixels that two shards have, or none. The
+    /// message says how many pixels, where the first one is and whose shards they are.
+    pub fn merge<E: From<FilmError>>(
+        parts: impl IntoIterator<Item = Result<(String, Picture), E>>,
+    ) -> Result<Picture, E> {
+        let mut parts = parts.into_iter();
+        let Some(first) = parts.next() else {
+            return Err(FilmError::MergeNothing.into());
         };
-        let (width, height) = (first.width, first.height);
-        for (name, part) in parts {
-            part.assert_lengths();
-            if (part.width, part.height) != (width, height) {
-                return Err(FilmError::Size {
-                    name: name.clone(),
-                    width: part.width,
-                    height: part.height,
-                    other: first_name.clone(),
-                    expected_width: width,
-                    expected_height: height,
-                });
-            }
+        let mut merging = Merging::of(first?)?;
+        for part in parts {
+            merging.add(part?)?;
         }
-        let place = |i: usize| ((i % width as usize) as u32, (i / width as usize) as u32);
-        let mut merged = Picture::new(width, height);
-        if !parts.iter().all(|(_, part)| part.is_divided()) {
-            merged.direct.clear();
-            merged.indirect.clear();
+        Ok(merging.finish()?)
+    }
+}
+
+/// Shards that have been joined so far.
+struct Merging {
+    whole: Picture,
+    /// Which shard each pixel is from, as an index of `names`.
+    owner: Vec<u32>,
+    names: Vec<String>,
+}
+
+/// The owner of a pixel that no shard has had so far.
+const NOBODY: u32 = u32::MAX;
+
+impl Merging {
+    fn of(first: (String, Picture)) -> Result<Self, FilmError> {
+        let (width, height) = (first.1.width, first.1.height);
+        let whole = Picture::new(width, height);
+        let mut merging = Merging {
+            owner: vec![NOBODY; whole.samples.len()],
+            whole,
+            names: Vec::new(),
+        };
+        merging.add(first)?;
+        Ok(merging)
+    }
+
+    fn place(&self, i: usize) -> (u32, u32) {
+        let width = self.whole.width as usize;
+        ((i % width) as u32, (i / width) as u32)
+    }
+
+    fn add(&mut self, (name, part): (String, Picture)) -> Result<(), FilmError> {
+        part.assert_lengths();
+        let whole = &mut self.whole;
+        if (part.width, part.height) != (whole.width, whole.height) {
+            return Err(FilmError::Size {
+                name,
+                width: part.width,
+                height: part.height,
+                other: self.names[0].clone(),
+                expected_width: whole.width,
+                expected_height: whole.height,
+            });
         }
-        let mut owner: Vec<Option<usize>> = vec![None; merged.samples.len()];
-        for (k, (name, part)) in parts.iter().enumerate() {
-            let mut overlap: Option<(usize, usize)> = None; // first pixel, its owner
-            let mut overlapping = 0;
-            for i in (0..owner.len()).filter(|&i| part.samples[i] > 0) {
-                if let Some(other) = owner[i] {
-                    let (_, reported) = *overlap.get_or_insert((i, other));
-                    overlapping += usize::from(reported == other);
-                    continue;
-                }
-                owner[i] = Some(k);
-                let layers = merged.colours_mut().into_iter().zip(part.colours());
-                for (layer, own) in layers.filter(|(layer, _)| !layer.is_empty()) {
-                    layer[i] = own[i];
-                }
-                merged.depth[i] = part.depth[i];
-                merged.samples[i] = part.samples[i];
-            }
-            if let Some((i, other)) = overlap {
-                let (x, y) = place(i);
-                return Err(FilmError::MergeOverlap {
-                    first: parts[other].0.clone(),
-                    second: name.clone(),
-                    count: overlapping,
-                    x,
-                    y,
-                });
-            }
+        if !part.is_divided() {
+            whole.direct = Vec::new();
+            whole.indirect = Vec::new();
         }
-        let mut missing = owner
-            .iter()
-            .enumerate()
-            .filter(|(_, owner)| owner.is_none())
-            .map(|(i, _)| i);
-        if let Some(i) = missing.next() {
-            let (x, y) = place(i);
-            let names: Vec<&str> = parts.iter().map(|(name, _)| name.as_str()).collect();
-            return Err(FilmError::MergeMissing {
-                count: 1 + missing.count(),
-                total: owner.len(),
-                names: names.join(", "),
+        let own_number = self.names.len() as u32;
+        let mut overlap: Option<(usize, u32)> = None; // first pixel, its owner
+        let mut overlapping = 0;
+        for i in (0..self.owner.len()).filter(|&i| part.samples[i] > 0) {
+            let other = self.owner[i];
+            if other != NOBODY {
+                let (_, reported) = *overlap.get_or_insert((i, other));
+                overlapping += usize::from(reported == other);
+                continue;
+            }
+            self.owner[i] = own_number;
+            let layers = whole.colours_mut().into_iter().zip(part.colours());
+            for (layer, own) in layers.filter(|(layer, _)| !layer.is_empty()) {
+                layer[i] = own[i];
+            }
+            whole.depth[i] = part.depth[i];
+            whole.samples[i] = part.samples[i];
+        }
+        if let Some((i, other)) = overlap {
+            let (x, y) = self.place(i);
+            return Err(FilmError::MergeOverlap {
+                first: self.names[other as usize].clone(),
+                second: name,
+                count: overlapping,
                 x,
                 y,
             });
         }
-        Ok(merged)
+        self.names.push(name);
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Picture, FilmError> {
+        let without = self.owner.iter().enumerate();
+        let mut without = without.filter(|(_, owner)| **owner == NOBODY);
+        if let Some((i, _)) = without.next() {
+            let (x, y) = self.place(i);
+            return Err(FilmError::MergeMissing {
+                count: 1 + without.count(),
+                total: self.owner.len(),
+                names: self.names.join(", "),
+                x,
+                y,
+            });
+        }
+        Ok(self.whole)
     }
 }
 
@@ -630,19 +669,23 @@ mod tests {
             .collect()
     }
 
+    fn merge(parts: &[(String, Picture)]) -> Result<Picture, FilmError> {
+        Picture::merge(parts.iter().cloned().map(Ok))
+    }
+
     #[test]
     fn merged_shards_are_the_whole_picture_to_the_bit() {
         let whole = awkward(13, 7);
         for count in [1, 2, 5] {
             let mut parts = shards(&whole, count);
             assert_eq!(
-                bits(&Picture::merge(&parts).expect("merges")),
+                bits(&merge(&parts).expect("merges")),
                 bits(&whole),
                 "{count} shards"
             );
             parts.reverse();
             assert_eq!(
-                bits(&Picture::merge(&parts).expect("merges")),
+                bits(&merge(&parts).expect("merges")),
                 bits(&whole),
                 "{count} shards, reversed"
             );
@@ -660,7 +703,7 @@ mod tests {
         old.write_exr(&path, &metadata()).expect("writes");
         let (read, _) = Picture::read_exr(&path).expect("reads");
         assert_eq!(bits(&read), bits(old), "what an older version wrote");
-        let merged = Picture::merge(&parts).expect("merges");
+        let merged = merge(&parts).expect("merges");
         assert!(!merged.is_divided(), "half of a layer is none");
         assert_eq!(merged.radiance, awkward(13, 7).radiance, "radiance");
     }
@@ -668,9 +711,8 @@ mod tests {
     #[test]
     fn shards_that_do_not_fit_are_refused_and_say_why() {
         let whole = awkward(13, 7);
-        let message = |parts: &[(String, Picture)]| {
-            Picture::merge(parts).expect_err("does not fit").to_string()
-        };
+        let message =
+            |parts: &[(String, Picture)]| merge(parts).expect_err("does not fit").to_string();
         assert!(message(&[]).contains("nothing to merge"), "no shards");
 
         let parts = shards(&whole, 3);

@@ -1,7 +1,7 @@
 //! Damaged pictures: each is read or refused, in little time and memory, as a shard to merge and as a reference.
 
 use glam::Vec3;
-use manylight_film::{Metadata, Picture, read_image};
+use manylight_film::{FilmError, Metadata, Picture, read_image};
 use peak_alloc::PeakAlloc;
 use verify::{Fuzz, Outcome};
 
@@ -61,7 +61,8 @@ fn fuzz(inputs: u64) -> Outcome {
         let Ok((picture, _)) = Picture::read_exr(&path) else {
             return image;
         };
-        Picture::merge(&[other.clone(), ("damaged".to_owned(), picture)]).is_ok()
+        let parts = [other.clone(), ("damaged".to_owned(), picture)];
+        Picture::merge(parts.map(Ok::<_, FilmError>)).is_ok()
     })
 }
 

@@ -33,6 +33,7 @@ impl Plan {
                             || m.metallic_map.is_some()
                     }),
                 ),
+                ("vertex colours", !scene.mesh.colour_indices.is_empty()),
                 (
                     "glossy surfaces",
                     materials.iter().any(scene::Material::is_glossy),

@@ -54,7 +54,7 @@ pub fn alpha_of_exponent(exponent: f32) -> f32 {
     (2.0 / (exponent + 2.0)).sqrt().clamp(LEAST_ALPHA, 1.0)
 }
 
-/// What a material's maps hold at one point; 1 where there is none.
+/// What a material's maps, and for `diffuse` vertex colours too, hold at one point; 1 where there is none.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texels {
     pub(crate) diffuse: Vec3,

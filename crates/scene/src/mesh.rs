@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use crate::MaterialId;
 
-/// Marks a corner without a normal or texture coordinate.
+/// Marks a corner without a normal, texture coordinate or colour.
 pub const ABSENT: u32 = u32::MAX;
 
 /// Triangles with shared vertices. All attribute index arrays are as long as `indices`, or empty when
@@ -17,12 +17,17 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, v up as in OBJ (v = 0 is the bottom row of the image).
     pub uvs: Vec<Vec2>,
+    /// Colours of vertices, linear RGB, each channel in [0, 1]: between corners they are interpolated, and multiply the
+    /// diffuse colour of the material.
+    pub colours: Vec<Vec3>,
     /// Three indices into `positions` a triangle; no triangle is degenerate, no two have the same positions.
     pub indices: Vec<[u32; 3]>,
     /// Indices into `normals`; [`ABSENT`] in all three corners where the triangle shades flat.
     pub normal_indices: Vec<[u32; 3]>,
     /// Indices into `uvs`; [`ABSENT`] in all three corners where there are none.
     pub uv_indices: Vec<[u32; 3]>,
+    /// Indices into `colours`; [`ABSENT`] in all three corners where there are none.
+    pub colour_indices: Vec<[u32; 3]>,
     /// One a triangle.
     pub materials: Vec<MaterialId>,
 }
@@ -43,9 +48,11 @@ impl Mesh {
         size_of_val(&self.positions[..])
             + size_of_val(&self.normals[..])
             + size_of_val(&self.uvs[..])
+            + size_of_val(&self.colours[..])
             + size_of_val(&self.indices[..])
             + size_of_val(&self.normal_indices[..])
             + size_of_val(&self.uv_indices[..])
+            + size_of_val(&self.colour_indices[..])
             + size_of_val(&self.materials[..])
     }
 

@@ -82,10 +82,17 @@ impl Scene {
                 self.textures[map.texture.0 as usize].channel(uv, map.index)
             })
         };
+        let tint = match self.mesh.colour_indices.get(t) {
+            Some(c) if c[0] != ABSENT => {
+                let c = c.map(|i| self.mesh.colours[i as usize]);
+                c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2]
+            }
+            _ => Vec3::ONE,
+        };
         let texels = Texels {
             diffuse: m
                 .diffuse_map
-                .map_or(Vec3::ONE, |map| self.textures[map.0 as usize].colour(uv)),
+                .map_or(tint, |map| tint * self.textures[map.0 as usize].colour(uv)),
             roughness: number(m.roughness_map),
             metallic: number(m.metallic_map),
         };

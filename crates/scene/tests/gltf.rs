@@ -421,6 +421,78 @@ fn a_textured_square_shows_each_map_where_it_belongs() {
 }
 
 #[test]
+fn vertex_colours_multiply_the_material_of_their_mesh_alone() {
+    let mut doc = Doc::new();
+    let material = doc.push(
+        "materials",
+        json!({"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1], "metallicFactor": 0}}),
+    );
+    let (plain, coloured) = (doc.square(Some(material)), doc.square(Some(material)));
+    // Left corners red, right ones a green of one half; the alpha is left out.
+    let (left, right) = ([255, 0, 0, 9], [0, 128, 0, 255]);
+    let view = doc.view(&[left, right, right, left].concat());
+    let colours = doc.push(
+        "accessors",
+        json!({"bufferView": view, "componentType": 5121, "count": 4, "type": "VEC4", "normalized": true}),
+    );
+    doc.json["meshes"][coloured]["primitives"][0]["attributes"]["COLOR_0"] = colours.into();
+    let last = doc.square(Some(material));
+    for (mesh, x) in [(plain, -2), (coloured, 0), (last, 2)] {
+        doc.node(json!({"mesh": mesh, "translation": [x, 0, 0]}));
+    }
+    let diffuse = |scene: &Scene, x| {
+        let seen = seen(scene, Vec3::new(x, 0.3, 5.0), Vec3::NEG_Z);
+        seen.brdf.diffuse
+    };
+    let scene = doc.load("");
+    let expected = Vec3::new(0.5 * 0.75, 0.25 * 128.0 / 255.0, 0.0);
+    let found = diffuse(&scene, 0.25);
+    assert!(found.distance(expected) < 1e-5, "{found} for {expected}");
+    for x in [-1.5, 2.5] {
+        let found = diffuse(&scene, x);
+        assert_eq!(found, Vec3::new(0.5, 1.0, 1.0), "no colours at x = {x}");
+    }
+    let floats = doc.floats(&[[-1.0, 7.0, 0.5]; 4]);
+    doc.json["meshes"][coloured]["primitives"][0]["attributes"]["COLOR_0"] = floats.into();
+    let found = diffuse(&doc.load(""), 0.25);
+    assert!(
+        found.distance(Vec3::new(0.0, 1.0, 0.5)) < 1e-6,
+        "clamped: {found}"
+    );
+    let few = doc.floats(&[[1.0, 1.0, 1.0]; 3]);
+    doc.json["meshes"][coloured]["primitives"][0]["attributes"]["COLOR_0"] = few.into();
+    let message = doc.error();
+    assert!(
+        message.contains("attributes.COLOR_0: found 3 elements; expected 4"),
+        "{message}"
+    );
+}
+
+#[test]
+fn hidden_nodes_are_left_out_with_all_below_them() {
+    let mut doc = lit();
+    let whole = doc.load("FromFile");
+    let (mesh, lights) = (doc.square(None), whole.emitters.len());
+    doc.push("extensionsRequired", json!("KHR_node_visibility"));
+    let below = doc.push(
+        "nodes",
+        json!({"mesh": mesh, "extensions": {"KHR_lights_punctual": {"light": 0}}}),
+    );
+    let node = doc.node(json!({"children": [below], "translation": [0, 0, 9]}));
+    for (visibility, more) in [
+        (json!({}), 1),
+        (json!({"visible": true}), 1),
+        (json!({"visible": false}), 0),
+    ] {
+        doc.json["nodes"][node]["extensions"] = json!({"KHR_node_visibility": visibility});
+        let scene = doc.load("FromFile");
+        let found = (scene.mesh.len(), scene.emitters.len());
+        let expected = (whole.mesh.len() + 2 * more, lights + more);
+        assert_eq!(found, expected, "{visibility}");
+    }
+}
+
+#[test]
 fn green_of_a_normal_map_points_up_the_picture_also_in_a_mirror() {
     let mut doc = Doc::new();
     let bump = doc.texture([192, 192, 128, 255], false);
@@ -993,6 +1065,10 @@ fn json_errors_say_line_and_column_and_no_cut_or_flipped_byte_panics() {
     };
     let message = error(b"{\n \"asset\": 3}").expect_err("refused");
     assert!(message.contains("a.glb:2:"), "{message}");
+    let message = error(b"{\"animations\": [\n {}\n ],\n\"asset\": 3}").expect_err("refused");
+    assert!(message.contains("a.glb:4:10"), "animations: {message}");
+    let message = error(b"{\n\"animations\": 3}").expect_err("refused");
+    assert!(message.contains("a.glb:2:"), "no animations: {message}");
     let glb = lit().glb();
     error(&glb).expect("sound");
     for length in (0..glb.len() - 4).step_by(7) {
@@ -1015,7 +1091,10 @@ fn json_errors_say_line_and_column_and_no_cut_or_flipped_byte_panics() {
 fn what_has_no_effect_is_said() {
     let mut doc = Doc::new();
     let mesh = doc.square(None);
-    doc.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0.into();
+    doc.json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 0}]);
+    // No node: what moves is named by an extension.
+    let channel = json!({"sampler": 0, "target": {"path": "pointer"}});
+    doc.push("animations", json!({"samplers": [], "channels": [channel]}));
     let line = json!({"attributes": {"POSITION": 0}, "mode": 1});
     doc.json["meshes"][0]["primitives"]
         .as_array_mut()
@@ -1028,7 +1107,8 @@ fn what_has_no_effect_is_said() {
     let remarks = scene.notes.remarks.join("\n");
     for part in [
         "points or lines",
-        "vertex colours",
+        "1 primitives have morph targets",
+        "1 animations",
         "KHR_materials_clearcoat has no effect",
     ] {
         assert!(remarks.contains(part), "{part} in {remarks}");

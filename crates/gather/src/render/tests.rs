@@ -1,5 +1,6 @@
 //! Determinism, shards, skipped work, and a light over a plane.
 
+use film::FilmError;
 use light_tree::TreeBuilder;
 
 use super::*;
@@ -152,22 +153,14 @@ fn shards_put_together_are_the_whole() {
 }
 
 fn shards_are_the_whole_with(method: &MethodSpec) {
-    let parts: Vec<_> = (0..3)
-        .map(|index| {
-            (
-                index.to_string(),
-                rendered(
-                    RenderSpec {
-                        shard: Shard { index, count: 3 },
-                        ..spec()
-                    },
-                    method,
-                    2,
-                ),
-            )
-        })
-        .collect();
-    let merged = Picture::merge(&parts).expect("three disjoint shards");
+    let parts = (0..3).map(|index| {
+        let shard = RenderSpec {
+            shard: Shard { index, count: 3 },
+            ..spec()
+        };
+        Ok::<_, FilmError>((index.to_string(), rendered(shard, method, 2)))
+    });
+    let merged = Picture::merge(parts).expect("three disjoint shards");
     assert!(
         merged == rendered(spec(), method, 2),
         "merged shards differ with {method:?}"

@@ -20,11 +20,19 @@ pub(super) fn weed(mesh: &mut Mesh, notes: &mut LoadNotes) {
         .zip(&repeated)
         .map(|(&f, &r)| !f && !r)
         .collect();
+    if !mesh.colour_indices.is_empty() {
+        mesh.colour_indices.resize(mesh.len(), [ABSENT; 3]);
+    }
     retain(&mut mesh.indices, &keep);
     retain(&mut mesh.normal_indices, &keep);
     retain(&mut mesh.uv_indices, &keep);
+    retain(&mut mesh.colour_indices, &keep);
     retain(&mut mesh.materials, &keep);
-    for indices in [&mut mesh.normal_indices, &mut mesh.uv_indices] {
+    for indices in [
+        &mut mesh.normal_indices,
+        &mut mesh.uv_indices,
+        &mut mesh.colour_indices,
+    ] {
         if indices.iter().all(|corners| corners[0] == ABSENT) {
             indices.clear();
         }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use base64::Engine;
+use glam::Vec3;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Root};
@@ -209,7 +210,7 @@ impl<'a> Data<'a> {
         Ok(all)
     }
 
-    /// An accessor of `N` = 2 or 3 numbers an element, all finite; whole numbers as the file's `normalized` says.
+    /// An accessor of `N` = 2 to 4 numbers an element, all finite; whole numbers as the file's `normalized` says.
     pub(super) fn vectors<const N: usize>(
         &self,
         index: usize,
@@ -217,7 +218,8 @@ impl<'a> Data<'a> {
     ) -> Result<Vec<[f32; N]>, String> {
         let expected = match N {
             2 => Type::Vec2,
-            _ => Type::Vec3,
+            3 => Type::Vec3,
+            _ => Type::Vec4,
         };
         self.accessor(index, field, expected, |accessor, component, bytes| {
             let size = component.size();
@@ -228,6 +230,28 @@ impl<'a> Data<'a> {
                 false => Err(format!("found {vector:?}; expected finite numbers")),
             }
         })
+    }
+
+    /// An accessor of colours with or without an alpha, which is left out; clamped to [0, 1].
+    ///
+    /// Source: glTF 2.0 specification, §3.7.2.1.
+    pub(super) fn colours(&self, index: usize, field: &str) -> Result<Vec<Vec3>, String> {
+        let kind = item(&self.root.accessors, index, field)?.type_;
+        let colours: Vec<Vec3> = match kind {
+            Checked::Valid(Type::Vec4) => {
+                let with_alpha = self.vectors::<4>(index, field)?;
+                let colours = with_alpha.into_iter();
+                colours.map(|[r, g, b, _]| Vec3::new(r, g, b)).collect()
+            }
+            _ => {
+                let colours = self.vectors::<3>(index, field)?;
+                colours.into_iter().map(Vec3::from).collect()
+            }
+        };
+        let colours = colours.into_iter();
+        Ok(colours
+            .map(|colour| colour.clamp(Vec3::ZERO, Vec3::ONE))
+            .collect())
     }
 
     /// An accessor of whole numbers that are not negative.

@@ -17,7 +17,6 @@ const MOST_TRIANGLES: u64 = 1 << 27;
 #[derive(Debug, Default)]
 pub(super) struct Ignored {
     pub(super) points_and_lines: usize,
-    pub(super) colours: usize,
     pub(super) morph_targets: usize,
     pub(super) without_coordinates: usize,
 }
@@ -29,6 +28,8 @@ struct Shape {
     normals: Vec<[f32; 3]>,
     /// One a position, or empty.
     uvs: Vec<Vec2>,
+    /// One a position, or empty.
+    colours: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
     material: MaterialId,
 }
@@ -52,10 +53,14 @@ pub(super) fn read(
             let Some(shape) = shape(data, looks, primitive, &field, &mut ignored)? else {
                 continue;
             };
-            let first_uv = length(parts.mesh.uvs.len())?;
+            let first = Shared {
+                uv: length(parts.mesh.uvs.len())?,
+                colour: length(parts.mesh.colours.len())?,
+            };
             parts.mesh.uvs.extend(&shape.uvs);
+            parts.mesh.colours.extend(&shape.colours);
             for instance in same {
-                append(parts, &shape, first_uv, instance)?;
+                append(parts, &shape, first, instance)?;
             }
         }
     }
@@ -110,7 +115,6 @@ fn shape(
         }
         Checked::Invalid => return Err(format!("{field}.mode: expected 0 to 6")),
     };
-    ignored.colours += usize::from(attribute(Semantic::Colors(0)).is_some());
     ignored.morph_targets += usize::from(primitive.targets.is_some());
     let look = match primitive.material {
         Some(material) => Some(item(looks, material.value(), &format!("{field}.material"))?),
@@ -147,6 +151,13 @@ fn shape(
             }
             None => ignored.without_coordinates += 1,
         }
+    }
+    let colours = match attribute(Semantic::Colors(0)) {
+        Some(colours) => data.colours(colours, &at("COLOR_0"))?,
+        None => Vec::new(),
+    };
+    if attribute(Semantic::Colors(0)).is_some() {
+        as_many(colours.len(), "COLOR_0")?;
     }
     let corners = match primitive.indices {
         Some(accessor) => data.indices(accessor.value(), &format!("{field}.indices"))?,
@@ -186,16 +197,24 @@ fn shape(
         positions,
         normals,
         uvs,
+        colours,
         triangles,
         material: look.map_or(MaterialId::default(), |look| look.id),
     }))
+}
+
+/// Where in the mesh what all instances of a shape share begins.
+#[derive(Clone, Copy)]
+struct Shared {
+    uv: u32,
+    colour: u32,
 }
 
 /// Adds `shape` as `instance` places it.
 fn append(
     parts: &mut Parts,
     shape: &Shape,
-    first_uv: u32,
+    first: Shared,
     instance: &Instance,
 ) -> Result<(), String> {
     let Mesh {
@@ -204,6 +223,7 @@ fn append(
         indices,
         normal_indices,
         uv_indices,
+        colour_indices,
         materials,
         ..
     } = &mut parts.mesh;
@@ -236,6 +256,12 @@ fn append(
     for list in [&mut *indices, &mut *normal_indices, &mut *uv_indices] {
         list.reserve(shape.triangles.len());
     }
+    let tinted = !shape.colours.is_empty();
+    if tinted {
+        // Few files have colours: their array is there from the first triangle with one on.
+        colour_indices.resize(indices.len(), [ABSENT; 3]);
+        colour_indices.reserve(shape.triangles.len());
+    }
     for &[a, b, c] in &shape.triangles {
         let corners = if mirrored { [a, c, b] } else { [a, b, c] };
         indices.push(corners.map(|i| first_position + i));
@@ -245,8 +271,11 @@ fn append(
         });
         uv_indices.push(match shape.uvs.is_empty() {
             true => [ABSENT; 3],
-            false => corners.map(|i| first_uv + i),
+            false => corners.map(|i| first.uv + i),
         });
+        if tinted {
+            colour_indices.push(corners.map(|i| first.colour + i));
+        }
         materials.push(shape.material);
     }
     Ok(())

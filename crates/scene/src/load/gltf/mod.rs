@@ -1,8 +1,8 @@
 //! glTF 2.0 files, as JSON beside buffers or as GLB.
 //!
 //! Read: meshes with the transforms of their nodes (each instance is a copy), metallic-roughness materials, textures
-//! in files, data URIs and buffers, `KHR_lights_punctual`, `KHR_materials_emissive_strength`,
-//! `KHR_texture_transform`, `KHR_mesh_quantization`, and the first camera in perspective. Both sides of a surface are
+//! in files, data URIs and buffers, vertex colours, `KHR_lights_punctual`, `KHR_materials_emissive_strength`,
+//! `KHR_texture_transform`, `KHR_mesh_quantization`, `KHR_node_visibility`, and the first camera in perspective. Both sides of a surface are
 //! shaded whatever `doubleSided` says, as in Blender's own renderers. Tangents of normal maps come from the texture
 //! coordinates.
 
@@ -10,6 +10,7 @@ mod data;
 mod geometry;
 mod material;
 mod nodes;
+mod outline;
 
 use gltf::binary::Glb;
 use gltf::json::Root;
@@ -18,12 +19,14 @@ use crate::SceneError;
 use crate::load::Parts;
 use crate::load::source::Source;
 use data::Data;
+use outline::Outline;
 
 /// Extensions that a file may require.
-const SUPPORTED: [&str; 4] = [
+const SUPPORTED: [&str; 5] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
@@ -40,13 +43,16 @@ pub(super) fn read(
         true => container(bytes).map_err(wrong)?,
         false => (bytes, None),
     };
-    let root = Root::from_slice(json).map_err(|e| {
+    let wrong_json = |e: serde_json::Error| {
         let (line, column) = (e.line(), e.column());
         let message = e.to_string();
         // It ends with the place, which comes first here.
         let message = message.split(" at line ").next().unwrap_or_default();
         SceneError::file(&format!("{shown}:{line}:{column}"), message)
-    })?;
+    };
+    let outline = Outline::read(json).map_err(wrong_json)?;
+    let (json, animations) = outline.without_animations(json);
+    let root = Root::from_slice(&json).map_err(wrong_json)?;
     let version = &root.asset.version;
     if !version.starts_with("2.") {
         return Err(wrong(format!(
@@ -60,7 +66,11 @@ pub(super) fn read(
             "extensionsRequired: {extension} is not supported; supported are {supported}"
         )));
     }
-    add(parts, source, name, &root, blob).map_err(wrong)
+    if animations > 0 {
+        let remark = format!("{shown}: {animations} animations have no effect");
+        parts.notes.remarks.push(remark);
+    }
+    add(parts, source, name, &root, &outline, blob).map_err(wrong)
 }
 
 /// The JSON and the binary part of a GLB.
@@ -88,10 +98,11 @@ fn add(
     source: &Source,
     name: &str,
     root: &Root,
+    outline: &Outline<'_>,
     blob: Option<&[u8]>,
 ) -> Result<(), String> {
     let data = Data::read(root, blob, source, name)?;
-    let placed = nodes::place(root)?;
+    let placed = nodes::place(root, outline)?;
     let looks = material::read(parts, &data, source, name)?;
     let ignored = geometry::read(parts, &data, &looks, &placed.meshes)?;
     parts.lights.extend(placed.lights);
@@ -103,10 +114,6 @@ fn add(
             "primitives of points or lines are left out",
         ),
         (
-            ignored.colours,
-            "primitives have vertex colours, which have no effect",
-        ),
-        (
             ignored.morph_targets,
             "primitives have morph targets, which have no effect",
         ),
@@ -115,7 +122,6 @@ fn add(
             "primitives lack the texture coordinates of their material: textures are one texel there",
         ),
         (placed.skinned, "meshes have skins, which have no effect"),
-        (root.animations.len(), "animations have no effect"),
     ] {
         if count > 0 {
             parts.notes.remarks.push(format!("{shown}: {count} {what}"));

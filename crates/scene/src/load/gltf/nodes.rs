@@ -6,6 +6,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{Node, Root};
 
 use super::data::item;
+use super::outline::Outline;
 use crate::load::scene_file::FARTHEST;
 use crate::{CameraSpec, Emitter};
 
@@ -30,8 +31,8 @@ pub(super) struct Placed {
     pub(super) skinned: usize,
 }
 
-/// Follows the nodes of the file's scene, depth first.
-pub(super) fn place(root: &Root) -> Result<Placed, String> {
+/// Follows the nodes of the file's scene that are to be seen, depth first.
+pub(super) fn place(root: &Root, outline: &Outline<'_>) -> Result<Placed, String> {
     let index = root.scene.map_or(0, |scene| scene.value());
     let scene = item(&root.scenes, index, "scene")?;
     let mut placed = Placed::default();
@@ -46,6 +47,9 @@ pub(super) fn place(root: &Root) -> Result<Placed, String> {
             return Err(format!(
                 "{field}: found twice in the scene; expected a tree of nodes"
             ));
+        }
+        if outline.hides(index) {
+            continue;
         }
         let transform = parent * local(node, &field)?;
         if !transform.is_finite() {
