@@ -44,6 +44,15 @@ fn render_writes_its_three_files_and_says_nothing_on_stdout() {
 }
 
 #[test]
+fn lines_between_passes_say_how_much_time_is_left() {
+    let folder = Folder::with_room();
+    let ran = folder.run("render room.ron --spp 4").fine();
+    let passes = ran.stderr.lines().filter(|l| l.contains("samples a pixel"));
+    let told: Vec<_> = passes.map(|l| l.ends_with("s left")).collect();
+    assert_eq!(told, [true, true, false], "1, 2 and 4 of 4: {}", ran.stderr);
+}
+
+#[test]
 fn out_and_name_say_where_files_go_and_quiet_says_nothing() {
     let folder = Folder::with_room();
     let ran = folder.run("render room.ron --out a/b --name other --quiet --threads 1");

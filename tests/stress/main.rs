@@ -52,3 +52,10 @@ fn the_whole() {
     eprintln!("{}", table::markdown(&findings));
     assert_sound(&findings);
 }
+
+#[test]
+#[should_panic(expected = "attempt to add with overflow")]
+fn overflow_ends_a_test() {
+    let most = std::hint::black_box(u32::MAX);
+    assert_eq!(most + 1, 0, "without the check it wraps");
+}

@@ -27,11 +27,18 @@ impl Store {
         &self.folder
     }
 
-    /// Removes what writers that were killed left in it; see [`film::remove_abandoned`].
+    /// Removes what writers that were killed left in it and in its folders; see [`film::remove_abandoned`].
     pub fn remove_abandoned(&self) {
-        let below = ["cells", "references", "plots"].map(|name| self.folder.join(name));
-        for folder in below.iter().chain([&self.folder]) {
-            film::remove_all_abandoned(folder);
+        film::remove_all_abandoned(&self.folder);
+        // Whatever folders there are: a list of them would forget the next one.
+        for entry in std::fs::read_dir(&self.folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+        {
+            if entry.file_type().is_ok_and(|t| t.is_dir()) {
+                film::remove_all_abandoned(&entry.path());
+            }
         }
     }
 

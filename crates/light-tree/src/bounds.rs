@@ -298,6 +298,17 @@ mod tests {
         Ok(Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?))
     }
 
+    /// Points some last digits apart, as far from the origin as from 0 to 1000: there squares of coordinates are all
+    /// that is seen of a difference of squares.
+    fn neighbours(u: &mut Unstructured<'_>) -> Result<[Vec3; 3]> {
+        let middle = Vec3::splat(*u.choose(&[0.0, 1.0, 1000.0])?);
+        let mut points = [middle; 3];
+        for c in points.iter_mut().flat_map(|p| p.as_mut()) {
+            *c += f32::from(u.arbitrary::<i8>()?) * f32::EPSILON * c.max(1.0);
+        }
+        Ok(points)
+    }
+
     fn boxed(a: Vec3, b: Vec3) -> Node {
         Node::leaf(a.min(b), a.max(b), 1.0, LightId(0))
     }
@@ -384,9 +395,13 @@ mod tests {
         for cos in [0.0, 1e-45, 1e-30, 6e-8, 1e-7, 3e-4, 2e-3] {
             for cos in [cos, -cos] {
                 let (axis, rim) = (Vec3::Y, Vec3::new((1.0f32 - cos * cos).sqrt(), cos, 0.0));
-                for step in 0..3600 {
-                    let angle = f32::from(step as u16) * (std::f32::consts::TAU / 3600.0);
-                    let x = Vec3::new(angle.cos(), angle.sin(), 0.0);
+                let around = (0..3600u16).map(|i| f32::from(i) * (std::f32::consts::TAU / 3600.0));
+                // All but opposite to the axis, where the cosine of the angle rounds to −1.
+                let behind = (-100..=100i8).map(|i| f32::from(i) * 1e-5);
+                let places = around
+                    .map(|angle| Vec3::new(angle.cos(), angle.sin(), 0.0))
+                    .chain(behind.map(|angle| Vec3::new(angle.sin(), -angle.cos(), 0.0)));
+                for x in places {
                     let emission = Emission {
                         cone: Cone { axis, cos },
                         profile: Profile::Cosine,
@@ -405,8 +420,12 @@ mod tests {
     #[test]
     fn distances_enclose_every_point() {
         verify::property(1000, |u| {
-            let node = boxed(point(u)?, point(u)?);
-            let x = point(u)?;
+            let [a, b, x] = if u.arbitrary()? {
+                neighbours(u)?
+            } else {
+                [point(u)?, point(u)?, point(u)?]
+            };
+            let node = boxed(a, b);
             let range = Receiver::new(x, Vec3::Z).distances(&node);
             let p = inside(u, &node)?;
             let truth = p.as_dvec3().distance_squared(x.as_dvec3());

@@ -299,7 +299,8 @@ mod tests {
         let x = Receiver::new(Vec3::ZERO, Vec3::Y);
         for weights in NodeWeights::ALL {
             let share = pair_share(&lights, &x, weights);
-            for k in [-20, -7, 9, 20] {
+            // At 2^60 a power times a squared distance is beyond f32, at 2^-60 it is none.
+            for k in [-60, -20, -7, 9, 20, 60] {
                 let s = 2.0f32.powi(k);
                 let scaled = lights.map(|(p, i)| (p * s, i * s * s));
                 assert_eq!(

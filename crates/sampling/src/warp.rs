@@ -151,4 +151,16 @@ mod tests {
             assert!(cosine_hemisphere(u).1 > 0.0, "density at {u:?}");
         }
     }
+
+    #[test]
+    fn a_cone_too_narrow_for_its_cosine_is_still_wide() {
+        for one_minus_cos in [1e-30, 1e-12, 1e-8, 1e-3] {
+            // The edge at sin² = h (2 − h).
+            let edge = uniform_cone(one_minus_cos, [1.0, 0.125])
+                .truncate()
+                .length();
+            let exact = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
+            assert!((edge / exact - 1.0).abs() < 1e-5, "{edge}, not {exact}");
+        }
+    }
 }

@@ -215,9 +215,14 @@ fn number_near(bytes: &[u8], at: usize) -> std::ops::Range<usize> {
     start..start + length
 }
 
+/// Where an input that failed is kept.
+fn place(name: &str, number: u64) -> PathBuf {
+    std::env::temp_dir().join(format!("fuzz-{name}-{number}"))
+}
+
 /// Writes an input down and says where.
 fn keep(name: &str, number: u64, bytes: &[u8]) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("fuzz-{name}-{number}"));
+    let path = place(name, number);
     // The number is enough to have it again.
     let _ = std::fs::write(&path, bytes);
     path
@@ -309,6 +314,11 @@ mod tests {
             fuzz("memory", &much).run(1, |_| true);
         });
         assert!(found, "memory");
+        // They look like failures of real readers to who finds them later.
+        let kept = (0..2000).map(|number| place("panic", number));
+        for path in kept.chain([place("memory", 0)]).filter(|p| p.exists()) {
+            std::fs::remove_file(path).expect("removes");
+        }
         let outcome = fuzz("sound", &little).run(500, |bytes| bytes.starts_with(b"("));
         assert!(
             outcome.accepted > 100 && outcome.accepted < 500,

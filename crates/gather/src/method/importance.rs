@@ -192,8 +192,10 @@ mod tests {
     #[test]
     fn a_weight_that_the_sum_swallows_is_never_drawn_with_an_infinite_scale() {
         let sampler = sampler(&[1e30, 1e-30, 1.0]);
-        for k in 0..1000 {
-            sampler.draw(3, f64::from(k) / 1000.0, |i, scale| {
+        // The last number rounds up to a share of the whole.
+        let last = 1.0 - f64::EPSILON / 2.0;
+        for u in (0..1000).map(|k| f64::from(k) / 1000.0).chain([last]) {
+            sampler.draw(3, u, |i, scale| {
                 assert!(i == 0 && scale.is_finite(), "drew {i}, scale {scale}");
             });
         }

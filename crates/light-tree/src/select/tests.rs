@@ -272,17 +272,48 @@ fn a_random_number_lasts_down_a_deep_tree() {
 }
 
 #[test]
+fn a_light_of_a_probability_below_all_of_f32_is_drawn() {
+    // Each level leaves a ten-thousandth to what is left of it: 20 levels, 10⁻⁷⁷, and a number of 0 goes down all.
+    let mut lights = LightSet::default();
+    for i in 0..20i8 {
+        let place = Vec3::new(0.01 * f32::from(i), 5.0, 0.0);
+        lights.push_point(place, Vec3::splat(10f64.powi(38 - 4 * i32::from(i)) as f32));
+    }
+    let mut tree = chain(&lights);
+    for pair in &mut tree.pairs[1..] {
+        pair.0.swap(0, 1);
+    }
+    let x = Receiver::new(Vec3::ZERO, Vec3::Y);
+    let faintest = LightId(19);
+    for weights in NodeWeights::ALL {
+        let (pmfs, _) = tree.pmf_below(weights, &x, tree.root());
+        let pmf = pmfs.iter().find(|p| p.0 == faintest).map_or(0.0, |p| p.1);
+        assert!(pmf > 0.0 && pmf < 1e-60, "{weights:?}: {pmf}");
+        let drawn = tree.select(weights, &x, tree.root(), 0.0).expect("lit");
+        assert_eq!(drawn.light, faintest, "{weights:?}");
+        assert!(
+            (drawn.pmf / pmf - 1.0).abs() < 1e-9,
+            "{weights:?}: {} for {pmf}",
+            drawn.pmf
+        );
+    }
+}
+
+#[test]
 fn powers_beyond_all_measure_leave_every_lit_light_a_probability() {
     let x = Receiver::new(Vec3::ZERO, Vec3::Y);
-    let places = [
-        Vec3::new(0.0, 2.0, 0.0),
-        Vec3::new(0.3, -2.0, 0.0),
-        Vec3::new(0.1, 2.2, 0.4),
-        Vec3::new(-500.0, 100.0, 100.0),
-    ];
+    // The dark one beside those that are near, whose box is then around the receiver, or beside the far one: then the
+    // ratio of the distances counts, which is 10⁵.
+    let dark = [Vec3::new(0.3, -2.0, 0.0), Vec3::new(-500.0, -100.0, 100.0)];
     // f32 weights tell some 10⁴⁰ apart, and the far one is 10⁵ times as faint.
     let powers = [1.0, 1e5, 1e35];
-    for case in 0..81usize {
+    for case in 0..162usize {
+        let places = [
+            Vec3::new(0.0, 2.0, 0.0),
+            dark[case / 81],
+            Vec3::new(0.1, 2.2, 0.4),
+            Vec3::new(-500.0, 100.0, 100.0),
+        ];
         let mut lights = LightSet::default();
         for (i, place) in places.into_iter().enumerate() {
             lights.push_point(place, Vec3::splat(powers[case / 3usize.pow(i as u32) % 3]));
