@@ -258,7 +258,7 @@ pub struct Drawn {
     pub expected: f64,
     /// The cluster of the cut that it is in.
     pub cluster: u32,
-    /// What it would weigh, were the clusters' weights shared out as lights are drawn.
+    /// What it is expected to bring: its share of the weight of its cluster.
     pub weight: f64,
 }
 

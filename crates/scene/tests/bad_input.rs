@@ -238,6 +238,11 @@ fn bad_scene_files_are_refused() {
             ),
             (
                 "origin: (0, 1, 5)",
+                "origin: (0, NaN, 5)",
+                &["scene.ron:4:", "camera.origin", "NaN"],
+            ),
+            (
+                "origin: (0, 1, 5)",
                 "origin: (0, 1e30, 5)",
                 &["scene.ron:4:", "camera.origin", "1e12"],
             ),

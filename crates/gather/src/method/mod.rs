@@ -60,6 +60,11 @@ pub trait Method<'a>: Sized + Sync {
     /// Whether the expected value is that of [`AllLights`].
     fn is_unbiased(&self) -> bool;
 
+    /// Most bytes that it keeps of a tile from pass to pass, in [`Learned`].
+    fn most_learned_bytes(_spec: &Self::Spec) -> u64 {
+        0
+    }
+
     /// Begins one pass over a tile, with all gather points that will be handed over: for methods that do something for
     /// many of them at once. A method must do without it where it is not called.
     ///
@@ -147,6 +152,14 @@ macro_rules! methods {
                 match self { $(Self::$variant(_) => <$type as Method<'_>>::WHOLE_PIXEL),+ }
             }
 
+            /// Most bytes that it keeps of a picture of this size from pass to pass.
+            pub fn most_learned_bytes(&self, width: u32, height: u32) -> u64 {
+                let of_tile = match self {
+                    $(Self::$variant(spec) => <$type as Method<'_>>::most_learned_bytes(spec)),+
+                };
+                u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE)) * of_tile
+            }
+
             pub(crate) fn visit<V: Visitor>(&self, inputs: &Inputs, visitor: V) -> V::Output {
                 match self { $(Self::$variant(spec) => visitor.visit($type::prepare(spec, inputs))),+ }
             }
@@ -195,17 +208,6 @@ impl MethodSpec {
             light_tree::TreeBuilder::Binned,
         );
         self.visit(&nothing, Honesty)
-    }
-
-    /// Most bytes that it keeps of a picture of this size from pass to pass.
-    pub fn most_learned_bytes(&self, width: u32, height: u32) -> u64 {
-        match self {
-            Self::StratifiedLightcuts(spec) if spec.learn => {
-                let tiles = u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE));
-                tiles * Learned::most_bytes(spec.clusters.get())
-            }
-            _ => 0,
-        }
     }
 
     /// Whether it asks for a light tree.

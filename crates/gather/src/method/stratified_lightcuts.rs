@@ -92,6 +92,13 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         true
     }
 
+    fn most_learned_bytes(spec: &StratifiedLightcutsSpec) -> u64 {
+        match spec.learn {
+            true => Learned::most_bytes(spec.clusters.get()),
+            false => 0,
+        }
+    }
+
     fn begin_tile<E: LightEval>(
         &self,
         tile: &TilePoints<'_>,
