@@ -63,8 +63,10 @@ impl Bucket {
         }
     }
 
+    #[inline(always)]
     fn point(&self, lane: usize) -> Vec3 {
-        Vec3::from_array(self.axes.map(|axis| axis[lane]))
+        let [x, y, z] = &self.axes;
+        Vec3::new(x[lane], y[lane], z[lane])
     }
 
     fn bounds(&self) -> Bounds {
@@ -74,13 +76,17 @@ impl Bucket {
         })
     }
 
-    /// Squared distances of its points to `p`.
+    /// Squared distances of its points to `p`. Without closures: they would not be compiled for the wider instructions.
     #[inline(always)]
     fn dist2(&self, p: Vec3) -> Lanes {
-        std::array::from_fn(|lane| {
-            let [x, y, z] = [0, 1, 2].map(|axis| self.axes[axis][lane] - p[axis]);
-            x * x + y * y + z * z
-        })
+        let mut dist2 = [0.0; LANES];
+        for (axis, p) in self.axes.iter().zip(p.to_array()) {
+            for lane in 0..LANES {
+                let away = axis[lane] - p;
+                dist2[lane] += away * away;
+            }
+        }
+        dist2
     }
 }
 
@@ -226,8 +232,11 @@ impl<const K: usize> Nearest<K> {
     #[inline(always)]
     fn insert(&mut self, new: Lanes) {
         // Of what is looked at late, little is among the nearest.
-        let lanes = new.iter().zip(&self.0[K - 1]);
-        if !lanes.fold(false, |any, (new, kept)| any | (new < kept)) {
+        let mut any = false;
+        for lane in 0..LANES {
+            any |= new[lane] < self.0[K - 1][lane];
+        }
+        if !any {
             return;
         }
         let less = |a: f32, b: f32| if a < b { a } else { b };

@@ -83,7 +83,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn over(context: &Context, items: &[Item], stride: usize) -> Self {
+    /// Of up to `most` bins.
+    fn over(context: &Context, items: &[Item], stride: usize, most: usize) -> Self {
         let dims = if context.oriented { 6 } else { 3 };
         let mut lo = (Vec3::INFINITY, Vec3::INFINITY);
         let mut hi = (Vec3::NEG_INFINITY, Vec3::NEG_INFINITY);
@@ -92,12 +93,15 @@ impl Grid {
             hi = (hi.0.max(i.position), hi.1.max(i.axis));
         }
         let (lo, hi) = (six(lo.0, lo.1), six(hi.0, hi.1));
-        let bins = BINS.min(items.len()).max(2);
+        let bins = most.min(items.len()).max(2);
         // An axis without extent puts everything into bin 0; its scale must not be 0/0.
-        let scale = std::array::from_fn(|d| {
-            let scale = bins as f32 / (hi[d] - lo[d]);
-            if scale.is_finite() { scale } else { 0.0 }
-        });
+        let mut scale = [0.0; 6];
+        for d in 0..dims {
+            let bins = bins as f32 / (hi[d] - lo[d]);
+            if bins.is_finite() {
+                scale[d] = bins;
+            }
+        }
         Self {
             lo,
             scale,
@@ -119,13 +123,21 @@ fn six(a: Vec3, b: Vec3) -> [f32; 6] {
 
 /// Reorders `items` into two clusters of least cost and returns the size of the first.
 pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
-    let n = items.len();
-    if n == 2 {
-        return 1;
+    // Most clusters are small, and bins that they have no use for would be most of the work.
+    match items.len() {
+        2 => 1,
+        ..=4 => split_into::<4>(context, items),
+        ..=8 => split_into::<8>(context, items),
+        _ => split_into::<BINS>(context, items),
     }
+}
+
+/// [`split`] with up to `B` bins an axis.
+fn split_into<const B: usize>(context: &Context, items: &mut [Item]) -> usize {
+    let n = items.len();
     let stride = n.div_ceil(JUDGED).max(1);
-    let grid = Grid::over(context, items, stride);
-    let mut bins = [[Bin::EMPTY; BINS]; 6];
+    let grid = Grid::over(context, items, stride, B);
+    let mut bins = [[Bin::EMPTY; B]; 6];
     for item in items.iter().step_by(stride) {
         let coordinates = six(item.position, item.axis);
         let (position, axis) = (Vec3A::from(item.position), Vec3A::from(item.axis));
@@ -139,7 +151,7 @@ pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
         if grid.scale[d] == 0.0 {
             continue;
         }
-        let mut right_cost = [0.0; BINS];
+        let mut right_cost = [0.0; B];
         let mut right = Bin::EMPTY;
         for b in (1..grid.bins).rev() {
             right.merge(&bins[b]);
