@@ -18,7 +18,7 @@ use crate::job::Job;
 use crate::report::{self, PassError};
 
 const MAGIC: &[u8; 16] = b"manylight state\n";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// A longer header is none of ours: a pass adds about 100 bytes.
 const LONGEST_HEADER: u32 = 1 << 24;
 

@@ -62,6 +62,32 @@ impl GatherPoint {
     }
 }
 
+#[cfg(test)]
+impl GatherPoint {
+    /// A point like it elsewhere.
+    pub(crate) fn moved(&self, by: Vec3) -> Self {
+        self.with(self.position + by, self.ns)
+    }
+
+    /// A point like it with another shading normal.
+    pub(crate) fn turned(&self, by: glam::Quat) -> Self {
+        self.with(self.position, (by * self.ns).normalize())
+    }
+
+    fn with(&self, position: Vec3, ns: Vec3) -> Self {
+        let mut receiver = Receiver::new(position, ns);
+        if let Some(&lobe) = self.receiver.lobe() {
+            receiver = receiver.with_lobe(lobe);
+        }
+        Self {
+            position,
+            ns,
+            receiver,
+            ..*self
+        }
+    }
+}
+
 /// The point as a tree sees it, with its lobe if it has one.
 fn receiver(position: Vec3, surface: &Surface, wo: Vec3) -> Receiver {
     let (brdf, ns) = (&surface.brdf, surface.ns);

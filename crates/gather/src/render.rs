@@ -21,7 +21,9 @@ use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
 use crate::shadow_queue::{QueueScratch, Seen, ShadowQueue};
-use crate::tile_points::{TILE, TilePoints, block};
+use crate::tile_points::{
+    Centre, TILE, TilePoints, block, block_edges, is_milestone, next_milestone,
+};
 
 /// What is rendered and how, apart from scene and lights.
 #[derive(Debug, Clone)]
@@ -326,19 +328,6 @@ impl<'a> Render<'a> {
     }
 }
 
-/// The first milestone after `done` samples: they are 0, 1, 2, 4, 8, and the multiples of 16.
-fn next_milestone(done: u32) -> u32 {
-    match done {
-        0..16 => (done + 1).next_power_of_two(),
-        _ => (done / 16 + 1) * 16,
-    }
-}
-
-/// Whether it is one.
-fn is_milestone(done: u32) -> bool {
-    done == 0 || next_milestone(done - 1) == done
-}
-
 /// Makes a method and drops it: what it shares with later ones stays.
 struct Preparation;
 
@@ -362,12 +351,15 @@ struct PassOf<'a, F> {
     tile_done: &'a F,
 }
 
+/// No block of pixels is taken to reach farther over a surface than this share of its distance.
+const FARTHEST: f32 = 0.25;
+
 /// Memory of one thread.
 #[derive(Default)]
 struct Scratch<S> {
     queue: QueueScratch,
     points: Vec<GatherPoint>,
-    pilots: Vec<GatherPoint>,
+    centres: Vec<Option<Centre>>,
     /// What is seen without a surface that reflects it, by pixel sample.
     seen: Vec<Seen>,
     features: Vec<Features>,
@@ -434,10 +426,10 @@ impl<F> PassOf<'_, F> {
                 bounce_rays += self.eye_path(tile, start, scratch);
             }
         }
-        scratch.pilots.clear();
-        if M::PILOTS {
-            let pilots = (0..tile.pixels.len()).filter_map(|i| self.pilot(tile, i));
-            scratch.pilots.extend(pilots);
+        scratch.centres.clear();
+        if M::CENTRES {
+            let centres = (0..tile.pixels.len()).map(|i| self.centre(tile, i));
+            scratch.centres.extend(centres);
         }
         let eye = started.elapsed();
 
@@ -475,7 +467,7 @@ impl<F> PassOf<'_, F> {
             width: tile.width,
             samples: samples as u32,
             is_milestone: is_milestone(tile.done),
-            pilots: &scratch.pilots,
+            centres: &scratch.centres,
             probe_stream: &probe_stream(0),
             stream: &stream,
         };
@@ -532,21 +524,43 @@ impl<F> PassOf<'_, F> {
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
     }
 
-    /// What is seen at the centre of the tile's `i`-th pixel if that is every fourth in every fourth row.
-    fn pilot(&self, tile: &Tile, i: usize) -> Option<GatherPoint> {
-        let (x, y) = (i as u32 % tile.width, i as u32 / tile.width);
-        if x % 4 != 2 || y % 4 != 2 {
-            return None;
-        }
-        let at = |start: u32, offset: u32| (start + offset) as f32 + 0.5;
-        let direction = self.camera.direction(at(tile.x, x), at(tile.y, y));
+    /// What is seen at the centre of the tile's `i`-th pixel.
+    fn centre(&self, tile: &Tile, i: usize) -> Option<Centre> {
+        let (column, row) = (i as u32 % tile.width, i as u32 / tile.width);
+        let origin = self.camera.origin();
+        let toward = |column: f32, row: f32| {
+            let (x, y) = (tile.x as f32 + column, tile.y as f32 + row);
+            self.camera.direction(x, y)
+        };
+        let direction = toward(column as f32 + 0.5, row as f32 + 0.5);
         let hit = self.tracer.closest(&Ray {
-            origin: self.camera.origin(),
+            origin,
             direction,
             t_max: f32::INFINITY,
         })?;
         let surface = self.scene.surface(&hit, direction);
-        Some(GatherPoint::new(&surface, -direction, Vec3::ONE, 0))
+        let point = GatherPoint {
+            block: block(column, row),
+            ..GatherPoint::new(&surface, -direction, Vec3::ONE, 0)
+        };
+        // Where the corners of the block lie on the plane; what is seen at a grazing angle ends before.
+        let most = FARTHEST * hit.t;
+        let height = (origin - point.position).dot(point.ng);
+        let mut reach = 0.0f32;
+        for x in block_edges(column) {
+            for y in block_edges(row) {
+                let direction = toward(x as f32, y as f32);
+                let down = -direction.dot(point.ng);
+                let corner = origin + direction * (height / down);
+                let away = corner.distance(point.position);
+                reach = reach.max(if down > 0.0 { away } else { most });
+            }
+        }
+        Some(Centre {
+            point,
+            reach: reach.min(most),
+            is_pilot: column % 4 == 2 && row % 4 == 2,
+        })
     }
 
     /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the

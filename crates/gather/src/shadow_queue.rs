@@ -122,7 +122,8 @@ const NO_TRIAL: u32 = u32::MAX;
 /// Rays traced together. Enough to keep the tracer's lanes full, few enough to stay in the nearest cache.
 const BATCH: usize = 1024;
 /// One point in so many is timed: reading the clock at each would cost more than some of what it measures.
-const TIMED: u32 = 64;
+/// The first of a pixel's points may cost more than the others, so it is prime.
+const TIMED: u32 = 61;
 
 /// Collects shadow rays with the light they carry, traces them in batches, and adds what arrives to the
 /// sums of a tile's pixel samples. Sums are made in the order in which light was added, so that bits

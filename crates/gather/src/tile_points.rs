@@ -11,9 +11,48 @@ const BLOCK: u32 = 4;
 /// Blocks of a tile.
 pub(crate) const BLOCKS: usize = (TILE.div_ceil(BLOCK) * TILE.div_ceil(BLOCK)) as usize;
 
+/// What is seen at the centre of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Centre {
+    /// The point, as of no sample.
+    pub point: GatherPoint,
+    /// How far its block of pixels reaches from it, on the plane through it.
+    pub reach: f32,
+    /// Whether it is one of few: of every fourth pixel in every fourth row.
+    pub is_pilot: bool,
+}
+
+/// Columns, or rows, of the block of the pixel in this one.
+pub(crate) fn block_edges(at: u32) -> [u32; 2] {
+    let first = at / BLOCK * BLOCK;
+    [first, first + BLOCK]
+}
+
 /// The block of the pixel in this column and row of a tile, below [`BLOCKS`].
 pub(crate) fn block(column: u32, row: u32) -> u32 {
     row / BLOCK * TILE.div_ceil(BLOCK) + column / BLOCK
+}
+
+/// The first milestone after `done` samples: they are 0, 1, 2, 4, 8, and the multiples of 16.
+pub(crate) fn next_milestone(done: u32) -> u32 {
+    match done {
+        0..16 => (done + 1).next_power_of_two(),
+        _ => (done / 16 + 1) * 16,
+    }
+}
+
+/// Whether it is one.
+pub(crate) fn is_milestone(done: u32) -> bool {
+    done == 0 || next_milestone(done - 1) == done
+}
+
+/// Samples from the milestone before `sample`, or at it, to the next.
+pub(crate) fn between_milestones(sample: u32) -> u32 {
+    match sample {
+        0 => 1,
+        1..16 => 1 << sample.ilog2(),
+        _ => 16,
+    }
 }
 
 /// The gather points of one pass over a tile, before the first of them is handed to a method.
@@ -29,9 +68,9 @@ pub struct TilePoints<'a> {
     /// Whether a pass begins here however samples are split into passes: at the start, after 1, 2, 4 and 8 samples, and after
     /// every 16.
     pub is_milestone: bool,
-    /// What is seen at the centres of every fourth pixel in every fourth row, the same in every pass; empty unless the
-    /// method [`asks`](crate::Method::PILOTS).
-    pub pilots: &'a [GatherPoint],
+    /// What is seen at the centre of each pixel, the same in every pass; empty unless the method
+    /// [`asks`](crate::Method::CENTRES).
+    pub centres: &'a [Option<Centre>],
     /// A random stream of the tile, the same in every pass.
     pub probe_stream: &'a Rng,
     /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.

@@ -2,9 +2,11 @@
 
 use glam::{Mat3A, Vec3, Vec3A};
 
+use crate::block::SeenLobe;
 use crate::cone::Cone;
 use crate::emission::Emission;
 use crate::lobe::Lobe;
+use crate::region::Region;
 use crate::tree::Node;
 
 /// The point that is lit, with what bounds need of it worked out once.
@@ -18,6 +20,7 @@ pub struct Receiver {
     normal: Vec3A,
     /// `None` when the point is matte, or nobody asks.
     lobe: Option<Lobe>,
+    region: Region,
 }
 
 /// Least and greatest squared distance from a point to a box.
@@ -50,7 +53,33 @@ impl Receiver {
             frame_abs,
             normal: normal.into(),
             lobe: None,
+            region: Region::default(),
         }
+    }
+
+    /// The same point, which stands for the others of `region` where lights are weighed by a
+    /// [`SharedCut`](crate::SharedCut).
+    pub fn with_region(self, region: Region) -> Self {
+        Self { region, ..self }
+    }
+
+    /// Whether `other` is in its region, and reflects about alike.
+    pub fn stands_for(&self, other: &Self) -> bool {
+        let Region { radius, lift, tilt } = self.region;
+        let away = other.position - self.position;
+        away.length_squared() <= radius * radius
+            && away.dot(self.normal).abs() <= lift
+            && self.normal.distance_squared(other.normal) <= tilt * tilt
+            && match (SeenLobe::of(self), SeenLobe::of(other)) {
+                (None, None) => true,
+                (Some(own), Some(others)) => own.is_like(&others),
+                _ => false,
+            }
+    }
+
+    #[inline]
+    pub(crate) fn region(&self) -> Region {
+        self.region
     }
 
     /// The same point, which reflects as `lobe` says.
@@ -61,8 +90,9 @@ impl Receiver {
         }
     }
 
+    /// Its lobe, if it has one.
     #[inline]
-    pub(crate) fn lobe(&self) -> Option<&Lobe> {
+    pub fn lobe(&self) -> Option<&Lobe> {
         self.lobe.as_ref()
     }
 
@@ -91,11 +121,11 @@ impl Receiver {
         (top / length).clamp(0.0, 1.0)
     }
 
-    /// Upper bound of cos⁺ between the normal and the direction against the travel of parallel light in
+    /// Upper bound of cos⁺ between the normal, or any of the region's, and the direction against the travel of parallel light in
     /// `travel`; 0 only when all of it comes from below the horizon.
     pub fn cos_bound_parallel(&self, travel: Cone) -> f32 {
         let cos = -self.normal.dot(travel.axis.into());
-        widened_cos(cos, travel.cos)
+        widened_cos(cos + self.region.tilt, travel.cos)
     }
 
     /// Distances to the box of a node that has positional lights.

@@ -1,10 +1,12 @@
 #![doc = include_str!("../README.md")]
 
+mod block;
 mod bounds;
 mod build;
 mod cone;
 mod conty_kulla;
 mod cut;
+mod draws;
 mod emission;
 mod energy_variance;
 mod error_bound;
@@ -14,6 +16,7 @@ mod lobe;
 mod opening;
 mod order;
 mod prefetch;
+mod region;
 mod representative;
 mod select;
 mod shared_cut;
@@ -24,10 +27,12 @@ mod tree;
 mod weight;
 mod wide;
 
+pub use block::Cluster;
 pub use bounds::{DistanceRange, Receiver};
 pub use build::TreeBuilder;
 pub use cone::Cone;
 pub use cut::Cut;
+pub use draws::{Drawn, Draws};
 pub use emission::{Emission, Profile};
 pub use energy_variance::EnergyVariance;
 pub use error_bound::{ClusterBound, Falloff, Receivers};
@@ -37,10 +42,11 @@ pub use light::{
 pub use lights::LightSet;
 pub use lobe::Lobe;
 pub use order::LightOrder;
+pub use region::Region;
 pub use representative::Representatives;
 pub use select::{Chosen, DeadBranch, Selected, Selector};
-pub use shared_cut::{Drawn, Draws, SharedCut};
+pub use shared_cut::SharedCut;
 pub use splitting::{Splitter, SplittingRule};
 pub use tree::{LightTree, Node, NodeId};
 pub use weight::NodeWeights;
-pub use wide::{Cluster, WideTree};
+pub use wide::WideTree;

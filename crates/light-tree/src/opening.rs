@@ -4,12 +4,21 @@
 //! narrower than the box, most of the light may come from a few of the cluster's lights, a hundred times what it is expected to
 //! be. Such clusters are taken apart for that point alone, and what it draws begins further down.
 
+use crate::block::{Block, Lanes, Seen, WIDTH, Weighed};
 use crate::bounds::Receiver;
-use crate::shared_cut::{Draws, SharedCut};
-use crate::wide::{Block, Lanes, WIDTH, Weighed, WideTree, by_width};
+use crate::draws::Draws;
+use crate::shared_cut::SharedCut;
+use crate::wide::{WideTree, by_width};
 
-/// Blocks that are opened for a point, at most.
+/// Blocks that are opened for a point, at most; for many together up to eight times as many.
 const MOST: u32 = 64;
+/// A cluster is opened from which more lights than this are to be drawn for all points together: what its parts weigh is then
+/// worked out once rather than at each descent.
+const MANY: f64 = 3.0;
+/// Weights that may be so many times too low for another point of the region are worked out for each point.
+const NEAR: f32 = 4.0;
+/// So much of one sample's worth may be too low without harm.
+const HARMLESS: f32 = 0.25;
 
 /// Eight clusters that are weighed together: a block of the cut, or one of the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,11 +39,17 @@ impl Row {
         }
     }
 
+    /// The block of the tree that it is, if it is one.
+    #[inline]
+    fn tree_block(self) -> Option<usize> {
+        (self.block & OF_TREE != 0).then_some((self.block & !OF_TREE) as usize)
+    }
+
     /// The cluster of the cut that holds what is in `lane`.
     pub(crate) fn cluster(self, lane: usize) -> u32 {
-        match self.block & OF_TREE {
-            0 => self.cluster + lane as u32,
-            _ => self.cluster,
+        match self.tree_block() {
+            None => self.cluster + lane as u32,
+            Some(_) => self.cluster,
         }
     }
 }
@@ -42,37 +57,102 @@ impl Row {
 /// Memory of the opening.
 #[derive(Debug, Default)]
 pub(crate) struct Opening {
-    weights: Vec<Lanes>,
-    rows: Vec<Row>,
+    far: Vec<(Row, Lanes)>,
+    near: Vec<(Row, Lanes)>,
     /// Rows to come.
     stack: Vec<Row>,
+    /// How many may be opened yet.
+    left: u32,
+}
+
+/// When a cluster is opened.
+#[derive(Debug, Clone, Copy)]
+struct Bar {
+    /// Above this were all its lights where they bring most.
+    peak: f32,
+    /// Above this as it is.
+    weight: f32,
 }
 
 impl SharedCut {
     /// Opens clusters that would weigh more than one of `samples` ≥ 1 samples is worth, were all their lights where they
-    /// bring `receiver` most: at the nearest corner, in the middle of its lobe.
+    /// bring most to `receiver`, or to any point that it stands for: at the nearest corner, in the middle of its lobe. And
+    /// those from which more than a few lights are to be drawn for `points` ≥ 1 points together.
     ///
-    /// After [`weigh`](Self::weigh), and after [`Draws::scale`] by the same `factors`, if it was by any: what a cluster
-    /// holds has the factor of the cluster.
+    /// After [`weigh`](Self::weigh), and after [`Draws::scale`], if at all: what a cluster holds has the factor of the
+    /// cluster.
     pub fn open(
         &self,
         tree: &WideTree,
         receiver: &Receiver,
         samples: u32,
-        factors: &[f32],
+        points: u32,
         draws: &mut Draws,
     ) {
-        let bar = (draws.sum() / f64::from(samples.max(1))) as f32;
-        if bar > 0.0 {
-            tree.open_all(self, receiver, factors, bar, draws);
+        let worth = draws.total() / f64::from(samples.max(1));
+        let bar = Bar {
+            peak: worth as f32,
+            weight: (worth * MANY / f64::from(points.max(1))) as f32,
+        };
+        if bar.weight > 0.0 {
+            tree.open_all(self, receiver, bar, MOST * points.clamp(1, 8), draws);
         }
+    }
+
+    /// Weighs the rows that are near anew, for `receiver`.
+    pub(crate) fn weigh_near(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
+        by_width!(
+            self.weigh_near_avx2(tree, receiver, draws),
+            self.weigh_near_with(tree, receiver, draws)
+        )
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn weigh_near_avx2(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
+        self.weigh_near_with(tree, receiver, draws);
+    }
+
+    #[inline(always)]
+    fn weigh_near_with(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
+        let seen = tree.seen(receiver);
+        for i in draws.rows.len() - draws.near..draws.rows.len() {
+            let row = draws.rows[i];
+            let mut weights = match row.tree_block() {
+                Some(block) => tree.weights::<false>(block, receiver, &seen).weights,
+                None => self.weights(tree, row.block as usize, receiver, &seen),
+            };
+            for lane in 0..WIDTH {
+                // What was opened has rows of its own, and what is dark is so for the whole region.
+                if draws.weights[i][lane] == 0.0 {
+                    weights[lane] = 0.0;
+                }
+                if let Some(factor) = draws.factors.get(row.cluster(lane) as usize) {
+                    weights[lane] *= factor;
+                }
+            }
+            draws.left[i] = weights;
+        }
+    }
+
+    /// Weights of the clusters of a block of the cut.
+    #[inline(always)]
+    fn weights(&self, tree: &WideTree, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
+        let mut weights = tree
+            .weigh::<false, false>(&self.blocks[block], seen)
+            .weights;
+        if let Some(parallel) = self.parallel.get(block) {
+            self.blocks[block].add_parallel(receiver, parallel, &mut weights);
+        }
+        weights
     }
 
     /// The clusters of a row.
     pub(crate) fn block<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a Block {
-        match row.block & OF_TREE {
-            0 => &self.blocks[row.block as usize],
-            _ => &tree.blocks[(row.block & !OF_TREE) as usize],
+        match row.tree_block() {
+            None => &self.blocks[row.block as usize],
+            Some(block) => &tree.blocks[block],
         }
     }
 }
@@ -82,13 +162,13 @@ impl WideTree {
         &self,
         cut: &SharedCut,
         receiver: &Receiver,
-        factors: &[f32],
-        bar: f32,
+        bar: Bar,
+        most: u32,
         draws: &mut Draws,
     ) {
         by_width!(
-            self.open_avx2(cut, receiver, factors, bar, draws),
-            self.open(cut, receiver, factors, bar, draws)
+            self.open_avx2(cut, receiver, bar, most, draws),
+            self.open(cut, receiver, bar, most, draws)
         )
     }
 
@@ -99,64 +179,76 @@ impl WideTree {
         &self,
         cut: &SharedCut,
         receiver: &Receiver,
-        factors: &[f32],
-        bar: f32,
+        bar: Bar,
+        most: u32,
         draws: &mut Draws,
     ) {
-        self.open(cut, receiver, factors, bar, draws);
+        self.open(cut, receiver, bar, most, draws);
     }
 
-    /// Rows of children follow the row of their parent, so that neighbours in space stay neighbours in the list.
+    /// Rows of children follow the row of their parent, so that neighbours in space stay neighbours in the list. Behind all
+    /// others are those that are near.
     #[inline(always)]
-    fn open(
-        &self,
-        cut: &SharedCut,
-        receiver: &Receiver,
-        factors: &[f32],
-        bar: f32,
-        draws: &mut Draws,
-    ) {
+    fn open(&self, cut: &SharedCut, receiver: &Receiver, bar: Bar, most: u32, draws: &mut Draws) {
         let seen = self.seen(receiver);
         let opening = &mut draws.opening;
-        opening.weights.clear();
-        opening.rows.clear();
-        let mut left = MOST;
-        for (b, (&weights, &peaks)) in draws.weights.iter().zip(&draws.peaks).enumerate() {
-            let weighed = Weighed { weights, peaks };
-            opening.push(Row::of_cut(b), &cut.blocks[b], weighed, bar, &mut left);
+        opening.far.clear();
+        opening.near.clear();
+        opening.left = most;
+        for (b, &weights) in draws.weights.iter().enumerate() {
+            let weighed = Weighed {
+                weights,
+                peaks: draws.peaks[b],
+                swings: draws.swings[b],
+            };
+            opening.push(Row::of_cut(b), &cut.blocks[b], weighed, bar);
             while let Some(row) = opening.stack.pop() {
-                let block = (row.block & !OF_TREE) as usize;
-                let mut weighed = self.weights(block, receiver, &seen);
-                if let Some(factor) = factors.get(row.cluster as usize) {
+                let Some(block) = row.tree_block() else {
+                    continue;
+                };
+                let mut weighed = match seen.region {
+                    Some(_) => self.weights::<true>(block, receiver, &seen),
+                    None => self.weights::<false>(block, receiver, &seen),
+                };
+                if let Some(factor) = draws.factors.get(row.cluster as usize) {
                     for lane in 0..WIDTH {
                         weighed.weights[lane] *= factor;
                         weighed.peaks[lane] *= factor;
                     }
                 }
-                opening.push(row, &self.blocks[block], weighed, bar, &mut left);
+                opening.push(row, &self.blocks[block], weighed, bar);
             }
         }
-        std::mem::swap(&mut draws.weights, &mut opening.weights);
-        std::mem::swap(&mut draws.rows, &mut opening.rows);
+        draws.near = opening.near.len();
+        draws.weights.clear();
+        draws.rows.clear();
+        for (row, weights) in opening.far.iter().chain(&opening.near) {
+            draws.weights.push(*weights);
+            draws.rows.push(*row);
+        }
     }
 }
 
 impl Opening {
     /// Adds a row, without its clusters above the bar: what they hold is added next.
     #[inline(always)]
-    fn push(&mut self, row: Row, block: &Block, weighed: Weighed, bar: f32, left: &mut u32) {
-        let Weighed { mut weights, peaks } = weighed;
+    fn push(&mut self, row: Row, block: &Block, weighed: Weighed, bar: Bar) {
+        let Weighed {
+            mut weights,
+            peaks,
+            swings,
+        } = weighed;
         let mut any = false;
-        for peak in peaks {
-            any |= peak > bar;
+        for lane in 0..WIDTH {
+            any |= (peaks[lane] > bar.peak) | (weights[lane] > bar.weight);
         }
         if any {
             for lane in (0..WIDTH).rev() {
-                if peaks[lane] > bar
+                if (peaks[lane] > bar.peak || weights[lane] > bar.weight)
                     && let Some(child) = block.clusters[lane].block()
-                    && *left > 0
+                    && self.left > 0
                 {
-                    *left -= 1;
+                    self.left -= 1;
                     weights[lane] = 0.0;
                     self.stack.push(Row {
                         block: child as u32 | OF_TREE,
@@ -165,8 +257,15 @@ impl Opening {
                 }
             }
         }
-        self.weights.push(weights);
-        self.rows.push(row);
+        let mut is_near = false;
+        for lane in 0..WIDTH {
+            is_near |=
+                (weights[lane] > 0.0) & (swings[lane] > NEAR) & (peaks[lane] > HARMLESS * bar.peak);
+        }
+        match is_near {
+            true => self.near.push((row, weights)),
+            false => self.far.push((row, weights)),
+        }
     }
 }
 
@@ -176,11 +275,11 @@ mod tests {
     use sampling::{Purpose, Rng, ggx_density};
 
     use super::*;
+    use crate::block::Cluster;
     use crate::lobe::Lobe;
     use crate::test_lights::{
         any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
     };
-    use crate::wide::Cluster;
 
     /// Close to the floor and to a wall, so within the boxes of clusters that hold both.
     const CORNER: (Vec3, Vec3) = (Vec3::new(-0.99, -0.97, 0.2), Vec3::X);
@@ -208,10 +307,10 @@ mod tests {
             cut.refine(&tree, &[at], u.int_in_range(1..=8)?);
             let mut draws = Draws::default();
             cut.weigh(&tree, &at, &mut draws);
-            let lit = draws.sum() > 0.0;
-            cut.open(&tree, &at, 10, &[], &mut draws);
+            let lit = draws.total() > 0.0;
+            cut.open(&tree, &at, 10, 1, &mut draws);
             // The other way round it may be: a box reaches above the horizon, and none of its lights does.
-            assert!(lit || draws.sum() == 0.0, "light out of nothing");
+            assert!(lit || draws.total() == 0.0, "light out of nothing");
             let rows: Vec<_> = draws
                 .rows
                 .iter()
@@ -253,9 +352,10 @@ mod tests {
         for _ in 0..rounds {
             cut.weigh(tree, x, &mut draws);
             if closely {
-                cut.open(tree, x, 5, &[], &mut draws);
+                cut.open(tree, x, 5, 1, &mut draws);
             }
-            cut.draw(tree, x, 5, rng.f64(), &mut draws);
+            cut.settle(tree, 5, &mut draws);
+            cut.draw(tree, x, rng.f64(), &mut draws);
             let drawn = draws.lights().iter();
             let value: f64 = drawn.map(|d| brings(d.light) / d.expected).sum();
             sum += value;
@@ -339,10 +439,14 @@ mod tests {
             let mut all = [false, true].map(|plain| {
                 let mut draws = Draws::default();
                 cut.weigh(&tree, &x, &mut draws);
-                let bar = draws.sum() as f32 / 10.0;
+                let peak = draws.total() as f32 / 10.0;
+                let bar = Bar {
+                    peak,
+                    weight: 0.1 * peak,
+                };
                 match plain {
-                    true => tree.open(&cut, &x, &[], bar, &mut draws),
-                    false => tree.open_all(&cut, &x, &[], bar, &mut draws),
+                    true => tree.open(&cut, &x, bar, 99, &mut draws),
+                    false => tree.open_all(&cut, &x, bar, 99, &mut draws),
                 }
                 draws
             });

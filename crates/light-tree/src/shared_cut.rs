@@ -3,11 +3,11 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use crate::block::{Block, Cluster, Lanes, Seen, WIDTH};
 use crate::bounds::Receiver;
-use crate::light::LightId;
-use crate::opening::{Opening, Row};
-use crate::select::BELOW_ONE;
-use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
+use crate::draws::{Drawn, Draws, Pick};
+use crate::opening::Row;
+use crate::wide::WideTree;
 
 /// A partition of all lights into clusters, good for receivers near each other.
 ///
@@ -17,7 +17,7 @@ use crate::wide::{Block, Cluster, Descents, Lanes, Seen, WIDTH, WideTree};
 pub struct SharedCut {
     pub(crate) blocks: Vec<Block>,
     /// ‖Iᴰ‖ of each block's clusters; empty when there is none.
-    parallel: Vec<Lanes>,
+    pub(crate) parallel: Vec<Lanes>,
     len: usize,
     growth: Growth,
 }
@@ -149,15 +149,15 @@ impl SharedCut {
     }
 
     /// Works out how much each cluster is expected to bring to `receiver` if nothing is in the way: > 0 wherever any of
-    /// its lights brings anything.
+    /// its lights brings anything to any point of its [`Region`](crate::Region).
     pub fn weigh(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
-        draws.weights.clear();
-        draws.peaks.clear();
-        tree.weigh_all(&self.blocks, receiver, &mut draws.weights, &mut draws.peaks);
+        tree.weigh_all(&self.blocks, receiver, draws);
         let parallel = self.blocks.iter().zip(&self.parallel);
         for ((block, parallel), weights) in parallel.zip(&mut draws.weights) {
             block.add_parallel(receiver, parallel, weights);
         }
+        draws.factors.clear();
+        draws.near = 0;
         draws.rows.clear();
         draws.rows.extend((0..self.blocks.len()).map(Row::of_cut));
     }
@@ -185,37 +185,22 @@ impl SharedCut {
         draws.lights.first().copied()
     }
 
-    /// Draws `samples` ≥ 1 lights, or a few more or less, in proportion to the weights that [`weigh`](Self::weigh)
-    /// worked out; [`Draws::lights`] has them.
+    /// Sees to what all points of the receiver's region have in common when `samples` ≥ 1 lights are drawn for each.
+    ///
+    /// After [`weigh`](Self::weigh), and after [`Draws::scale`] and [`open`](Self::open) where those are wanted.
+    pub fn settle(&self, tree: &WideTree, samples: u32, draws: &mut Draws) {
+        draws.settle(self, tree, samples);
+    }
+
+    /// Draws so many lights as were [`settled`](Self::settle), or a few more or less, in proportion to their weights;
+    /// [`Draws::lights`] has them. `receiver` is the point that was weighed, or one of its region, without a region of its
+    /// own.
     ///
     /// A light that would be drawn at least once is taken once for certain; the others are drawn at even distances along
     /// the clusters, from a start that `u` in [0, 1) chooses. So numbers `u` that are spread evenly over [0, 1) spread
     /// the lights that they draw evenly over the tree.
-    pub fn draw(
-        &self,
-        tree: &WideTree,
-        receiver: &Receiver,
-        samples: u32,
-        u: f64,
-        draws: &mut Draws,
-    ) {
-        draws.lights.clear();
-        draws.picks.clear();
-        draws.dead = 0;
-        let mut left = samples.max(1);
-        let mut total = draws.sum();
-        let mut step = 0.0;
-        // Taking some out lowers the bar for the others. What is left has a weight, and so needs a sample.
-        while total > 0.0 {
-            step = total / f64::from(left);
-            let taken = draws.take_certain(self, tree, step);
-            if taken == 0 {
-                draws.pick(self, tree, left, u, step);
-                break;
-            }
-            left = left.saturating_sub(taken).max(1);
-            total = draws.sum();
-        }
+    pub fn draw(&self, tree: &WideTree, receiver: &Receiver, u: f64, draws: &mut Draws) {
+        let step = draws.pick_all(self, tree, receiver, u);
         tree.descend_all(receiver, step, draws);
     }
 }
@@ -249,169 +234,6 @@ impl Growth {
     }
 }
 
-/// A light that was drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drawn {
-    /// Which light.
-    pub light: LightId,
-    /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
-    pub expected: f64,
-    /// The cluster of the cut that it is in.
-    pub cluster: u32,
-    /// What it is expected to bring: its share of the weight of its cluster.
-    pub weight: f64,
-}
-
-/// Weights, picks and lights of one receiver; memory is kept from receiver to receiver.
-#[derive(Debug, Default)]
-pub struct Draws {
-    pub(crate) weights: Vec<Lanes>,
-    /// What the weights belong to.
-    pub(crate) rows: Vec<Row>,
-    /// What the cut's clusters would weigh, were all their lights where they bring most.
-    pub(crate) peaks: Vec<Lanes>,
-    pub(crate) opening: Opening,
-    /// Running sums of the weights, block by block.
-    sums: Vec<f64>,
-    pub(crate) picks: Vec<Pick>,
-    pub(crate) lights: Vec<Drawn>,
-    pub(crate) dead: u32,
-    pub(crate) descents: Descents,
-}
-
-/// A cluster from which one light is to be drawn.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Pick {
-    pub(crate) cluster: Cluster,
-    /// The cluster of the cut that holds it.
-    pub(crate) of: u32,
-    /// Whether all it holds is far off.
-    pub(crate) is_far: bool,
-    pub(crate) expected: f64,
-    /// Chooses within the cluster.
-    pub(crate) u: f64,
-}
-
-impl Pick {
-    /// `light`, to which the pick has led; a cluster of weight `step` is picked once on average.
-    #[inline]
-    pub(crate) fn drawn(&self, light: LightId, step: f64) -> Drawn {
-        Drawn {
-            light,
-            expected: self.expected,
-            cluster: self.of,
-            weight: self.expected * step,
-        }
-    }
-}
-
-impl Draws {
-    /// The lights that were drawn; the same one may be among them more than once.
-    pub fn lights(&self) -> &[Drawn] {
-        &self.lights
-    }
-
-    /// What the `i`-th cluster is expected to bring, after [`SharedCut::weigh`].
-    pub fn weight(&self, i: usize) -> f32 {
-        self.weights[i / WIDTH][i % WIDTH]
-    }
-
-    /// Multiplies the weights by `factors`, > 0, one for each cluster, or none at all.
-    pub fn scale(&mut self, factors: &[f32]) {
-        let lanes = self.weights.iter_mut().zip(&mut self.peaks);
-        for ((weights, peaks), factors) in lanes.zip(factors.chunks(WIDTH)) {
-            for (lane, factor) in factors.iter().enumerate() {
-                weights[lane] *= factor;
-                peaks[lane] *= factor;
-            }
-        }
-    }
-
-    /// How many draws ended in a cluster that cannot light the receiver.
-    pub fn dead(&self) -> u32 {
-        self.dead
-    }
-
-    /// Sums up the weights. Eight at a time in `f32`: a share of 10⁻⁷ lost in one block is lost for good, but to the
-    /// same extent in the choice within the block, which is made by the weights themselves.
-    pub(crate) fn sum(&mut self) -> f64 {
-        self.sums.clear();
-        let mut sum = 0.0;
-        for w in &self.weights {
-            let [a, b, c, d, e, f, g, h] = w.map(f64::from);
-            sum += ((a + b) + (c + d)) + ((e + f) + (g + h));
-            self.sums.push(sum);
-        }
-        sum
-    }
-
-    /// Takes every single light whose weight is at least `bar`, and says how many there were.
-    fn take_certain(&mut self, cut: &SharedCut, tree: &WideTree, bar: f64) -> u32 {
-        let mut taken = 0;
-        for (row, weights) in self.rows.iter().zip(&mut self.weights) {
-            if weights.iter().all(|&w| f64::from(w) < bar) {
-                continue;
-            }
-            let block = cut.block(tree, *row);
-            for (lane, (w, cluster)) in weights.iter_mut().zip(block.clusters).enumerate() {
-                if f64::from(*w) >= bar
-                    && let Some(light) = cluster.light()
-                {
-                    taken += 1;
-                    self.lights.push(Drawn {
-                        light,
-                        expected: 1.0,
-                        cluster: row.cluster(lane),
-                        weight: f64::from(*w),
-                    });
-                    *w = 0.0;
-                }
-            }
-        }
-        taken
-    }
-
-    /// Picks clusters at distances `step` along their weights.
-    fn pick(&mut self, cut: &SharedCut, tree: &WideTree, count: u32, u: f64, step: f64) {
-        let mut block = 0;
-        // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
-        let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
-        for i in 0..count {
-            let at = ((f64::from(i) + u) * step).min(end);
-            while block + 1 < self.sums.len() && self.sums[block] <= at {
-                block += 1;
-            }
-            let before = if block == 0 {
-                0.0
-            } else {
-                self.sums[block - 1]
-            };
-            let mut rest = at - before;
-            let mut picked = None;
-            for (lane, w) in self.weights[block].into_iter().enumerate() {
-                let w = f64::from(w);
-                if w > 0.0 {
-                    picked = Some((lane, w, rest / w));
-                    if rest < w {
-                        break;
-                    }
-                    rest -= w;
-                }
-            }
-            if let Some((lane, w, u)) = picked {
-                let row = self.rows[block];
-                self.picks.push(Pick {
-                    cluster: cut.block(tree, row).clusters[lane],
-                    of: row.cluster(lane),
-                    is_far: false,
-                    expected: w / step,
-                    u: u.clamp(0.0, BELOW_ONE),
-                });
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -419,6 +241,7 @@ mod tests {
 
     use super::*;
     use crate::lights::LightSet;
+    use crate::select::BELOW_ONE;
     use crate::test_lights::{
         any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
     };
@@ -469,7 +292,8 @@ mod tests {
                 let mut expected = vec![None; lights.len()];
                 for _ in 0..rounds {
                     cut.weigh(&tree, &receiver(at), &mut draws);
-                    cut.draw(&tree, &receiver(at), samples, rng.f64(), &mut draws);
+                    cut.settle(&tree, samples, &mut draws);
+                    cut.draw(&tree, &receiver(at), rng.f64(), &mut draws);
                     for drawn in draws.lights() {
                         times[drawn.light.index()] += 1;
                         let known = expected[drawn.light.index()].get_or_insert(drawn.expected);
@@ -511,7 +335,8 @@ mod tests {
                 let rounds = 20_000;
                 for _ in 0..rounds {
                     cut.weigh(&tree, &receiver(at), &mut draws);
-                    cut.draw(&tree, &receiver(at), 5, rng.f64(), &mut draws);
+                    cut.settle(&tree, 5, &mut draws);
+                    cut.draw(&tree, &receiver(at), rng.f64(), &mut draws);
                     let estimate: f64 = draws
                         .lights()
                         .iter()
@@ -547,7 +372,8 @@ mod tests {
         let mut draws = Draws::default();
         for u in [0.0, 0.3, BELOW_ONE] {
             cut.weigh(&tree, &at, &mut draws);
-            cut.draw(&tree, &at, 10, u, &mut draws);
+            cut.settle(&tree, 10, &mut draws);
+            cut.draw(&tree, &at, u, &mut draws);
             let mut ids: Vec<_> = draws.lights().iter().map(|d| d.light.0).collect();
             ids.sort_unstable();
             assert_eq!(ids, (0..10).collect::<Vec<_>>(), "u = {u}");
@@ -571,7 +397,8 @@ mod tests {
         cut.refine(&tree, &[at], 128);
         let mut draws = Draws::default();
         cut.weigh(&tree, &at, &mut draws);
-        cut.draw(&tree, &at, 10, 0.5, &mut draws);
+        cut.settle(&tree, 10, &mut draws);
+        cut.draw(&tree, &at, 0.5, &mut draws);
         let bright = draws.lights().iter().filter(|d| d.light.0 == 0).count();
         assert_eq!(bright, 1, "{:?}", draws.lights());
         assert!(draws.lights().len() >= 10, "{:?}", draws.lights());
@@ -588,7 +415,8 @@ mod tests {
         let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
         let mut estimate = |u: f64| -> f64 {
             cut.weigh(&tree, &receiver(at), &mut draws);
-            cut.draw(&tree, &receiver(at), 10, u, &mut draws);
+            cut.settle(&tree, 10, &mut draws);
+            cut.draw(&tree, &receiver(at), u, &mut draws);
             draws
                 .lights()
                 .iter()

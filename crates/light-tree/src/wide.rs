@@ -1,17 +1,15 @@
 //! An eight-way light tree: the children of a node are weighed all at once.
 
-use std::f32::consts::FRAC_1_PI;
-
-use glam::Vec3A;
-use sampling::ggx_density;
-
+use crate::block::{Block, Cluster, LEAST_DIST2, Lanes, Seen, SeenLobe, WIDTH, Weighed};
 use crate::bounds::Receiver;
-use crate::cone::Cone;
-use crate::light::{LightId, LightKind};
+use crate::draws::{Drawn, Draws, Pick};
+#[cfg(test)]
+use crate::light::LightId;
+use crate::light::LightKind;
 use crate::lights::LightSet;
 use crate::prefetch::prefetch;
+use crate::region::Region;
 use crate::select::BELOW_ONE;
-use crate::shared_cut::{Drawn, Draws, Pick};
 use crate::tree::{LightTree, NodeId};
 
 /// The first call where the processor has AVX2, for which it is compiled, else the second: the same code, and so the same bits.
@@ -31,144 +29,6 @@ macro_rules! by_width {
 }
 pub(crate) use by_width;
 
-/// Children of a node: their numbers fill a register of eight lanes.
-pub(crate) const WIDTH: usize = 8;
-pub(crate) type Lanes = [f32; WIDTH];
-
-/// A cluster: a light, or a node of a [`WideTree`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cluster(pub(crate) u32);
-
-/// Set in a [`Cluster`] that is a light alone, whose other bits are its id.
-const LIGHT: u32 = 1 << 31;
-/// No cluster: more lights than a tree holds.
-const UNUSED: u32 = u32::MAX;
-
-impl Cluster {
-    /// The light, where the cluster is one.
-    #[inline]
-    pub fn light(self) -> Option<LightId> {
-        (self.0 & LIGHT != 0).then_some(LightId(self.0 & !LIGHT))
-    }
-
-    /// The block that holds its children, where it is not a light alone.
-    #[inline]
-    pub(crate) fn block(self) -> Option<usize> {
-        (self.0 & LIGHT == 0).then_some(self.0 as usize)
-    }
-}
-
-/// Eight clusters, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of the whole.
-#[derive(Debug, Clone)]
-#[repr(C, align(64))]
-pub(crate) struct Block {
-    lo: [Lanes; 3],
-    hi: [Lanes; 3],
-    /// Emission axis, or travel direction, and the cosine of the cone about it.
-    axis: [Lanes; 3],
-    cos: Lanes,
-    /// ‖I‖. With the next all that is read of a block that is far off: one line of the cache.
-    intensity: Lanes,
-    pub(crate) clusters: [Cluster; WIDTH],
-    /// Greatest radius of the spheres.
-    radius: Lanes,
-    /// Square of the distance at which the nearest of the lights is to be expected, seen from among them, and no less
-    /// than what the smallest of the spheres counts as.
-    near2: Lanes,
-}
-
-impl Block {
-    /// No clusters: weights of 0.
-    pub(crate) const EMPTY: Self = Self {
-        lo: [[0.0; WIDTH]; 3],
-        hi: [[0.0; WIDTH]; 3],
-        axis: [[0.0; WIDTH]; 3],
-        cos: [-1.0; WIDTH],
-        intensity: [0.0; WIDTH],
-        radius: [0.0; WIDTH],
-        near2: [LEAST_DIST2; WIDTH],
-        clusters: [Cluster(UNUSED); WIDTH],
-    };
-
-    /// Number of clusters.
-    pub(crate) fn len(&self) -> usize {
-        self.clusters.iter().filter(|c| c.0 != UNUSED).count()
-    }
-
-    /// Copies cluster `from` of `other` to place `to`.
-    pub(crate) fn take(&mut self, to: usize, other: &Self, from: usize) {
-        for axis in 0..3 {
-            self.lo[axis][to] = other.lo[axis][from];
-            self.hi[axis][to] = other.hi[axis][from];
-            self.axis[axis][to] = other.axis[axis][from];
-        }
-        self.cos[to] = other.cos[from];
-        self.radius[to] = other.radius[from];
-        self.near2[to] = other.near2[from];
-        self.intensity[to] = other.intensity[from];
-        self.clusters[to] = other.clusters[from];
-    }
-
-    fn cone(&self, lane: usize) -> Cone {
-        Cone {
-            axis: glam::Vec3::new(self.axis[0][lane], self.axis[1][lane], self.axis[2][lane]),
-            cos: self.cos[lane],
-        }
-    }
-}
-
-/// A point that is lit, in the units of a [`WideTree`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen {
-    position: Vec3A,
-    normal: Vec3A,
-    lobe: Option<SeenLobe>,
-}
-
-/// The lobe of a glossy point, as a share of all that it reflects. What Fresnel reflection adds far off the mirror direction is
-/// left out: an estimate may be low where it matters little.
-#[derive(Debug, Clone, Copy)]
-struct SeenLobe {
-    axis: Vec3A,
-    /// Of a matte surface that reflects as much this were 1.
-    diffuse: f32,
-    /// Times the density of facets.
-    near: f32,
-    alpha2: f32,
-}
-
-impl SeenLobe {
-    /// What a matte point has.
-    const NONE: Self = Self {
-        axis: Vec3A::ZERO,
-        diffuse: 1.0,
-        near: 0.0,
-        alpha2: 1.0,
-    };
-
-    fn of(receiver: &Receiver) -> Option<Self> {
-        let lobe = receiver.lobe()?;
-        let axis = Vec3A::from(lobe.axis);
-        // Directions lie four times as densely as the facets that mirror them, times the cosine.
-        let cos = receiver.normal().dot(axis).max(0.0);
-        let all = lobe.diffuse + 4.0 * FRAC_1_PI * lobe.near * cos;
-        (all > 0.0 && all.is_finite()).then(|| Self {
-            axis,
-            diffuse: lobe.diffuse / all,
-            near: lobe.near / all,
-            alpha2: lobe.alpha2,
-        })
-    }
-}
-
-/// Weights of eight clusters.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Weighed {
-    pub(crate) weights: Lanes,
-    /// What each would weigh, were all its lights where they bring most.
-    pub(crate) peaks: Lanes,
-}
-
 /// The tree. Its clusters' weights are estimates of what they bring, not bounds; but they are 0 only where nothing
 /// can arrive.
 #[derive(Debug, Clone)]
@@ -182,9 +42,6 @@ pub struct WideTree {
     scale: f32,
     depth: u32,
 }
-
-/// Squared distances below this, in units of the box around all lights, count alike: 1/d⁴ stays finite.
-const LEAST_DIST2: f32 = 1e-14;
 
 impl WideTree {
     /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
@@ -245,7 +102,7 @@ impl WideTree {
                 }
                 parallel[lane] = tree.directional_intensity(member) * share / (scale * scale);
                 if let Some(light) = node.light() {
-                    block.clusters[lane] = Cluster(LIGHT | light.0);
+                    block.clusters[lane] = Cluster::of_light(light);
                 }
             }
             for (lane, &member) in members.iter().enumerate().rev() {
@@ -282,60 +139,56 @@ impl WideTree {
             position: receiver.position() * self.scale,
             normal: receiver.normal(),
             lobe: SeenLobe::of(receiver),
+            region: (receiver.region() != Region::default())
+                .then(|| receiver.region().scaled(self.scale)),
         }
     }
 
-    /// Weights of many blocks' clusters, parallel light apart.
-    pub(crate) fn weigh_all(
-        &self,
-        blocks: &[Block],
-        receiver: &Receiver,
-        weights: &mut Vec<Lanes>,
-        peaks: &mut Vec<Lanes>,
-    ) {
+    /// Weights of many blocks' clusters, parallel light apart, in place of what `draws` had.
+    pub(crate) fn weigh_all(&self, blocks: &[Block], receiver: &Receiver, draws: &mut Draws) {
+        draws.weights.clear();
+        draws.peaks.clear();
+        draws.swings.clear();
         let seen = self.seen(receiver);
         by_width!(
-            self.weigh_all_avx2(blocks, &seen, weights, peaks),
-            self.weigh_all_with(blocks, &seen, weights, peaks)
+            self.weigh_all_avx2(blocks, &seen, draws),
+            self.weigh_all_with(blocks, &seen, draws)
         )
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn weigh_all_avx2(
-        &self,
-        blocks: &[Block],
-        seen: &Seen,
-        weights: &mut Vec<Lanes>,
-        peaks: &mut Vec<Lanes>,
-    ) {
-        self.weigh_all_with(blocks, seen, weights, peaks);
+    fn weigh_all_avx2(&self, blocks: &[Block], seen: &Seen, draws: &mut Draws) {
+        self.weigh_all_with(blocks, seen, draws);
     }
 
     #[inline(always)]
-    fn weigh_all_with(
-        &self,
-        blocks: &[Block],
-        seen: &Seen,
-        weights: &mut Vec<Lanes>,
-        peaks: &mut Vec<Lanes>,
-    ) {
+    fn weigh_all_with(&self, blocks: &[Block], seen: &Seen, draws: &mut Draws) {
         // No iterator's adaptor: it would not be compiled for the wider instructions.
         for block in blocks {
-            let weighed = self.weigh::<false>(block, seen);
-            weights.push(weighed.weights);
-            peaks.push(weighed.peaks);
+            let weighed = match seen.region {
+                Some(_) => self.weigh::<false, true>(block, seen),
+                None => self.weigh::<false, false>(block, seen),
+            };
+            draws.weights.push(weighed.weights);
+            draws.peaks.push(weighed.peaks);
+            draws.swings.push(weighed.swings);
         }
     }
 
+    /// Weights of a block's clusters, parallel light apart: bounds of them, or for all of the region that is seen from.
     #[inline(always)]
-    fn weigh<const BOUND: bool>(&self, block: &Block, seen: &Seen) -> Weighed {
+    pub(crate) fn weigh<const BOUND: bool, const REGION: bool>(
+        &self,
+        block: &Block,
+        seen: &Seen,
+    ) -> Weighed {
         match (self.oriented, &seen.lobe) {
-            (false, None) => block.weigh::<false, BOUND, false>(seen, &SeenLobe::NONE),
-            (true, None) => block.weigh::<true, BOUND, false>(seen, &SeenLobe::NONE),
-            (false, Some(lobe)) => block.weigh::<false, BOUND, true>(seen, lobe),
-            (true, Some(lobe)) => block.weigh::<true, BOUND, true>(seen, lobe),
+            (false, None) => block.weigh::<false, BOUND, false, REGION>(seen, &SeenLobe::NONE),
+            (true, None) => block.weigh::<true, BOUND, false, REGION>(seen, &SeenLobe::NONE),
+            (false, Some(lobe)) => block.weigh::<false, BOUND, true, REGION>(seen, lobe),
+            (true, Some(lobe)) => block.weigh::<true, BOUND, true, REGION>(seen, lobe),
         }
     }
 
@@ -482,7 +335,7 @@ impl WideTree {
 
     /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
     pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut bounds = self.weigh::<true>(&self.blocks[block], seen).weights;
+        let mut bounds = self.weigh::<true, false>(&self.blocks[block], seen).weights;
         if let Some(parallel) = self.parallel.get(block) {
             self.blocks[block].add_parallel(receiver, parallel, &mut bounds);
         }
@@ -495,7 +348,7 @@ impl WideTree {
     fn shares(&self, block: usize, receiver: &Receiver, seen: &Seen, is_far: bool) -> Lanes {
         match is_far {
             true => self.blocks[block].intensity,
-            false => self.weights(block, receiver, seen).weights,
+            false => self.weights::<false>(block, receiver, seen).weights,
         }
     }
 
@@ -525,8 +378,13 @@ impl WideTree {
 
     /// Weights of the clusters of a block.
     #[inline(always)]
-    pub(crate) fn weights(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Weighed {
-        let mut weighed = self.weigh::<false>(&self.blocks[block], seen);
+    pub(crate) fn weights<const REGION: bool>(
+        &self,
+        block: usize,
+        receiver: &Receiver,
+        seen: &Seen,
+    ) -> Weighed {
+        let mut weighed = self.weigh::<false, REGION>(&self.blocks[block], seen);
         if let Some(parallel) = self.parallel.get(block) {
             self.blocks[block].add_parallel(receiver, parallel, &mut weighed.weights);
         }
@@ -641,161 +499,11 @@ fn members(tree: &LightTree, below: &Below, node: NodeId) -> Vec<NodeId> {
     members
 }
 
-/// Squared distances below this share of the squared diagonal of all lights count alike in a bound, so that one near
-/// light does not claim the whole cut.
-const NEAREST2: f32 = 1e-4;
-/// Weights beyond this are no more than this: their sums stay finite.
-const GREATEST: f32 = 1e30;
-/// A cluster weighs at least this share of what it would if all its lights were where they bring most: where it is lit by a
-/// corner of its box alone, what is drawn there by chance would count for thousands of times as much.
-const LEAST_OF_MOST: f32 = 0.005;
 /// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
 /// or of the lobe's width.
 const FAR2: f32 = 0.04;
 /// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
 const ALIKE: f32 = 0.95;
-/// Relative slack of reaches, so that rounding never makes a lit box dark.
-const SLACK: f32 = 2e-6;
-/// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
-const COS_SLACK: f32 = 3e-7;
-
-impl Block {
-    /// An estimate of I cos cos / d² of each cluster's lights together, > 0 wherever any of them is above both
-    /// horizons. Of a glossy point its lobe takes the place of its share of the cosine.
-    ///
-    /// Heights above the horizons are spread evenly over the box (and the cone), and the mean of their positive
-    /// parts is taken; the squared distance is the mean over the box; the lobe is widened by the angle that the box
-    /// subtends.
-    #[inline(always)]
-    fn weigh<const ORIENTED: bool, const BOUND: bool, const GLOSSY: bool>(
-        &self,
-        seen: &Seen,
-        lobe: &SeenLobe,
-    ) -> Weighed {
-        let mut centre2 = [0.0f32; WIDTH];
-        let mut half2 = [0.0f32; WIDTH];
-        let mut least2 = [0.0f32; WIDTH];
-        let mut far2 = [0.0f32; WIDTH];
-        let mut height = [0.0f32; WIDTH];
-        let mut reach = [0.0f32; WIDTH];
-        let mut ahead = [0.0f32; WIDTH];
-        let mut ahead_reach = [0.0f32; WIDTH];
-        let mut along = [0.0f32; WIDTH];
-        for axis in 0..3 {
-            let (p, n) = (seen.position[axis], seen.normal[axis]);
-            for k in 0..WIDTH {
-                let (lo, hi) = (self.lo[axis][k] - p, self.hi[axis][k] - p);
-                let (c, h) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
-                let padded = h + SLACK * (c.abs() + h);
-                centre2[k] += c * c;
-                half2[k] += h * h;
-                let near = (c.abs() - h).max(0.0);
-                least2[k] += near * near;
-                let far = c.abs() + padded;
-                far2[k] += far * far;
-                height[k] += n * c;
-                reach[k] += n.abs() * padded;
-                if ORIENTED {
-                    let a = self.axis[axis][k];
-                    ahead[k] -= a * c;
-                    ahead_reach[k] += a.abs() * padded;
-                }
-                if GLOSSY {
-                    along[k] += lobe.axis[axis] * c;
-                }
-            }
-        }
-        let mut out = Weighed::default();
-        for k in 0..WIDTH {
-            // The mean of 1/d² over distances spread evenly from a to b is 1/(ab).
-            let (near2, radius) = (self.near2[k], self.radius[k]);
-            let (from2, to2) = (least2[k].max(near2), far2[k].max(near2));
-            let falloff = if BOUND {
-                1.0 / least2[k].max(1.5 * radius * radius).max(NEAREST2)
-            } else {
-                1.0 / (from2 * to2).sqrt()
-            };
-            let d = 1.0 / (centre2[k] + half2[k] * (1.0 / 3.0)).max(near2).sqrt();
-            // A sphere is lit by, or sends by way of, more than its centre; dark is what its centre says.
-            let mut alive = (self.intensity[k] > 0.0) & (height[k] + reach[k] > 0.0);
-            // Were all lights where the bound has them.
-            let from = 1.0 / from2.sqrt();
-            let cos_most = ((height[k] + reach[k]) * from).min(1.0);
-            let mut most_arriving = self.intensity[k] / from2;
-            let reach = reach[k] + radius;
-            let cos = mean_positive(height[k], reach) * d;
-            let mut arriving = self.intensity[k] * falloff;
-            if ORIENTED {
-                let cos = self.cos[k];
-                let sin = ((1.0 - cos + COS_SLACK) * (1.0 + cos)).max(0.0).sqrt();
-                let sin = if cos <= 0.0 { 1.0 } else { sin };
-                let spread = ahead_reach[k] + sin * far2[k].sqrt();
-                let omni = cos <= -1.0;
-                let emitted = mean_positive(ahead[k], spread + radius) * d;
-                arriving *= if omni { 1.0 } else { emitted };
-                most_arriving *= if omni {
-                    1.0
-                } else {
-                    ((ahead[k] + spread) * from).clamp(0.0, 1.0)
-                };
-                alive &= omni | (ahead[k] + spread > 0.0);
-            }
-            let (mut reflected, mut most) = (cos, cos);
-            if GLOSSY {
-                let around2 = half2[k] + radius * radius;
-                let dist2 = (centre2[k] + around2).max(LEAST_DIST2);
-                // A facet turns by half the angle by which the direction does.
-                let alpha2 = (lobe.alpha2 + 0.25 * around2 / dist2).min(1.0);
-                let sin2 = 0.5 * (1.0 - along[k] / centre2[k].max(LEAST_DIST2).sqrt());
-                let above =
-                    ((height[k] + reach) / (2.0 * reach).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-                let mirrored = above * lobe.near * ggx_density(alpha2, sin2.clamp(0.0, 1.0));
-                reflected = lobe.diffuse * cos + mirrored;
-                most = lobe.diffuse * cos + mirrored * (alpha2 / lobe.alpha2);
-            }
-            // However small, a light that is lit can be drawn.
-            let least = match BOUND {
-                true => 0.0,
-                false => LEAST_OF_MOST * most_arriving * cos_most,
-            };
-            out.weights[k] = if alive {
-                (arriving * reflected)
-                    .max(least)
-                    .clamp(f32::MIN_POSITIVE, GREATEST)
-            } else {
-                0.0
-            };
-            out.peaks[k] = if alive {
-                (arriving * most * (to2 / from2)).min(GREATEST)
-            } else {
-                0.0
-            };
-        }
-        out
-    }
-
-    /// Adds the lights without falloff.
-    #[cold]
-    pub(crate) fn add_parallel(&self, receiver: &Receiver, parallel: &Lanes, weights: &mut Lanes) {
-        for k in 0..WIDTH {
-            if parallel[k] > 0.0 {
-                weights[k] += parallel[k] * receiver.cos_bound_parallel(self.cone(k));
-            }
-        }
-    }
-}
-
-/// Mean of the positive part of what is spread evenly over middle ± reach.
-#[inline(always)]
-fn mean_positive(middle: f32, reach: f32) -> f32 {
-    let top = (middle + reach).max(0.0);
-    if middle >= reach {
-        middle
-    } else {
-        top * top / (4.0 * reach).max(f32::MIN_POSITIVE)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -948,15 +656,28 @@ mod tests {
             (Vec3::new(0.1, -0.9, 0.2), Vec3::Y),
             (Vec3::new(-1.0, 0.3, 0.3), Vec3::X),
         ] {
-            let (mut fast, mut fast_peaks) = (Vec::new(), Vec::new());
-            tree.weigh_all(&tree.blocks, &receiver(at), &mut fast, &mut fast_peaks);
-            let (mut plain, mut plain_peaks) = (Vec::new(), Vec::new());
-            let seen = tree.seen(&receiver(at));
-            tree.weigh_all_with(&tree.blocks, &seen, &mut plain, &mut plain_peaks);
-            let bits =
-                |all: &[Lanes]| -> Vec<u32> { all.iter().flatten().map(|w| w.to_bits()).collect() };
-            assert!(bits(&fast) == bits(&plain), "weights at {at:?}");
-            assert!(bits(&fast_peaks) == bits(&plain_peaks), "peaks at {at:?}");
+            let region = Region {
+                radius: 0.1,
+                lift: 0.01,
+                tilt: 0.1,
+            };
+            for x in [receiver(at), receiver(at).with_region(region)] {
+                let (mut fast, mut plain) = (Draws::default(), Draws::default());
+                tree.weigh_all(&tree.blocks, &x, &mut fast);
+                tree.weigh_all_with(&tree.blocks, &tree.seen(&x), &mut plain);
+                let bits = |all: &[Lanes]| -> Vec<u32> {
+                    all.iter().flatten().map(|w| w.to_bits()).collect()
+                };
+                assert!(
+                    bits(&fast.weights) == bits(&plain.weights),
+                    "weights at {at:?}"
+                );
+                assert!(bits(&fast.peaks) == bits(&plain.peaks), "peaks at {at:?}");
+                assert!(
+                    bits(&fast.swings) == bits(&plain.swings),
+                    "swings at {at:?}"
+                );
+            }
         }
     }
 
@@ -977,11 +698,15 @@ mod tests {
                     Vec3::splat((1 + i % 4) as f32) * scale * scale,
                 );
             }
-            let (mut out, mut peaks) = (Vec::new(), Vec::new());
             let tree = wide(&set).expect("has lights");
-            let at = receiver((Vec3::ZERO, Vec3::Y));
-            tree.weigh_all(&tree.blocks, &at, &mut out, &mut peaks);
-            (out, peaks)
+            let at = receiver((Vec3::ZERO, Vec3::Y)).with_region(Region {
+                radius: 0.5 * scale,
+                lift: 0.125 * scale,
+                tilt: 0.1,
+            });
+            let mut draws = Draws::default();
+            tree.weigh_all(&tree.blocks, &at, &mut draws);
+            (draws.weights, draws.peaks, draws.swings)
         };
         for k in [-30, -7, 9, 30] {
             assert_eq!(weights(2.0f32.powi(k)), weights(1.0), "at 2^{k}");

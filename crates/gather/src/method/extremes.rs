@@ -13,6 +13,7 @@ use crate::contribution::VirtualShape;
 use crate::counters::Counters;
 use crate::path::Walk;
 use crate::shadow_queue::{QueueScratch, ShadowQueue};
+use crate::tile_points::Centre;
 
 const EXTREMES: [Extreme; 2] = [Extreme::Zero, Extreme::BelowOne];
 
@@ -60,12 +61,17 @@ impl Visitor for Estimate<'_> {
             ..self.x
         });
         queue.begin_tile(Rng::extreme(self.surface));
+        let centre = Centre {
+            point: points[0],
+            reach: 0.1,
+            is_pilot: true,
+        };
         let tile = TilePoints {
             points: &points,
             width: 1,
             samples: 2,
             is_milestone: true,
-            pilots: &points[..1],
+            centres: &[Some(centre)],
             probe_stream: &choice,
             stream: &|_, _| choice.clone(),
         };

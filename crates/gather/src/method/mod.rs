@@ -7,6 +7,7 @@ mod fraction;
 mod importance;
 mod lightcuts;
 mod multidimensional;
+mod patches;
 mod power;
 mod probes;
 mod refinement;
@@ -49,8 +50,8 @@ pub trait Method<'a>: Sized + Sync {
     /// Whether the gather points of all of a pixel's samples are handed to [`pixel`](Self::pixel) together.
     /// Otherwise they go to [`point`](Self::point) one by one.
     const WHOLE_PIXEL: bool = false;
-    /// Whether it wants [`TilePoints::pilots`].
-    const PILOTS: bool = false;
+    /// Whether it wants [`TilePoints::centres`].
+    const CENTRES: bool = false;
     /// Whether the samples of a pixel are stratified jointly, places in the pixel included, rather than independent.
     const STRATIFIED: bool = false;
 

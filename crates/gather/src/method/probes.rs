@@ -175,7 +175,8 @@ mod tests {
             for _ in 0..4000 {
                 cut.weigh(tree, &x.receiver, &mut draws);
                 draws.scale(factors);
-                cut.draw(tree, &x.receiver, 1, rng.f64(), &mut draws);
+                cut.settle(tree, 1, &mut draws);
+                cut.draw(tree, &x.receiver, rng.f64(), &mut draws);
                 let drawn = draws.lights().iter();
                 let estimate: f64 = drawn
                     .map(|d| f64::from(luminance(queue.radiance(x, d.light))) / d.expected)

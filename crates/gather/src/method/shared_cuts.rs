@@ -168,7 +168,7 @@ mod tests {
                 .collect();
             let stream = |slot: u32, purpose| Rng::new(41, u64::from(slot), 0, purpose);
             let tile = TilePoints {
-                pilots: &[],
+                centres: &[],
                 points: &points,
                 width: 16,
                 samples: SAMPLES,
@@ -234,7 +234,7 @@ mod tests {
         for seed in 0..1000 {
             let stream = |slot: u32, purpose| Rng::new(seed, u64::from(slot), 0, purpose);
             let tile = TilePoints {
-                pilots: &[],
+                centres: &[],
                 points: &points,
                 width: 4,
                 samples: 1,

@@ -2,15 +2,16 @@
 //! other.
 //!
 //! What it adds to Stochastic Lightcuts (Yuksel 2019): a cut of hundreds of clusters, made once for a tile and weighed
-//! for each point eight clusters at a time, takes the place of ten clusters a point, but for those too near to be weighed as
-//! a whole, which are taken apart for the point; weights estimate rather than bound what a cluster brings, lobes
-//! included, and are set right by what a few rays, and then the samples so far, find in the way; and the draws of all of a pixel's samples follow one
-//! low-discrepancy sequence along the tree's order, together with the places in the pixel.
+//! for each patch of surface eight clusters at a time, takes the place of ten clusters a point, but for those too near to be
+//! weighed as a whole, which are taken apart; weights estimate rather than bound what a cluster brings, lobes
+//! included, and are set right by what a few rays, and then the samples so far, find in the way; and the draws of all of a
+//! pixel's samples follow one low-discrepancy sequence along the tree's order, together with the places in the pixel.
 
-use light_tree::{Draws, SharedCut, WideTree, luminance};
+use light_tree::{Draws, Receiver, SharedCut, WideTree, luminance};
 use sampling::Rng;
 use serde::Deserialize;
 
+use super::patches::Patches;
 use super::{Count, Method, probes};
 use crate::Inputs;
 use crate::counters::Phase;
@@ -39,6 +40,8 @@ pub struct StratifiedLightcutsSpec {
     pub learn: bool,
     /// Whether clusters that are too near a point, or too wide for its lobe, are taken apart for it.
     pub open: bool,
+    /// Whether what lights are drawn by is worked out once for a patch of surface, a few pixels wide, rather than for each point.
+    pub patches: bool,
     /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
     pub stratify: bool,
 }
@@ -50,6 +53,7 @@ impl Default for StratifiedLightcutsSpec {
             clusters: Count::of(128),
             learn: true,
             open: true,
+            patches: true,
             stratify: true,
         }
     }
@@ -73,12 +77,35 @@ pub struct StratifiedScratch {
     factors: Vec<f32>,
     /// What arrives typically of a light that is expected to bring 1; 0 when that is not known.
     typical: f64,
+    patches: Patches,
+    pilots: Vec<GatherPoint>,
+}
+
+impl StratifiedLightcuts<'_> {
+    /// Works out what lights are drawn by, for so many `points`.
+    fn weigh(
+        &self,
+        tree: &WideTree,
+        cut: &SharedCut,
+        receiver: &Receiver,
+        factors: &[f32],
+        points: u32,
+        draws: &mut Draws,
+    ) {
+        let samples = self.spec.samples.get();
+        cut.weigh(tree, receiver, draws);
+        draws.scale(factors);
+        if self.spec.open {
+            cut.open(tree, receiver, samples, points, draws);
+        }
+        cut.settle(tree, samples, draws);
+    }
 }
 
 impl<'a> Method<'a> for StratifiedLightcuts<'a> {
     type Spec = StratifiedLightcutsSpec;
     type Scratch = StratifiedScratch;
-    const PILOTS: bool = true;
+    const CENTRES: bool = true;
     const STRATIFIED: bool = true;
 
     fn prepare(spec: &StratifiedLightcutsSpec, inputs: &'a Inputs) -> Self {
@@ -112,9 +139,17 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             draws,
             factors,
             typical,
+            patches,
+            pilots,
             ..
         } = scratch;
-        let receivers: Vec<_> = tile.pilots.iter().map(|x| x.receiver).collect();
+        if self.spec.patches {
+            patches.find(tile);
+        }
+        let centres = tile.centres.iter().flatten();
+        pilots.clear();
+        pilots.extend(centres.filter(|c| c.is_pilot).map(|c| c.point));
+        let receivers: Vec<_> = pilots.iter().map(|x| x.receiver).collect();
         shared.refine(tree, &receivers, self.spec.clusters.get() as usize);
         let is_late = |x: &GatherPoint| x.bounce == 0 && x.sample >= LEARNED_FROM;
         if learned.probed.squares.len() == shared.len() {
@@ -123,7 +158,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             }
         } else if self.spec.learn && tile.points.iter().any(is_late) {
             let rng = &mut tile.probe_stream.clone();
-            let probed = probes::probe(shared, tree, tile.pilots, eval, rng, draws);
+            let probed = probes::probe(shared, tree, pilots, eval, rng, draws);
             *learned = Learned::of(probed);
         }
         factors.clone_from(&learned.factors);
@@ -144,6 +179,8 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             draws,
             factors,
             typical,
+            patches,
+            ..
         } = scratch;
         // Behind the first hit points lie anywhere, and which path got there is random.
         let is_seen = x.bounce == 0;
@@ -160,19 +197,38 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             true => &factors[block..][..cut.len()],
             false => &[],
         };
-        let samples = self.spec.samples.get();
-        cut.weigh(tree, &x.receiver, draws);
-        draws.scale(factors);
-        if self.spec.open {
-            cut.open(tree, &x.receiver, samples, factors, draws);
-        }
+        let patch = match is_shared && self.spec.patches {
+            true => patches.of(x),
+            false => None,
+        };
+        let draws = match patch {
+            None => {
+                self.weigh(tree, cut, &x.receiver, factors, 1, draws);
+                draws
+            }
+            Some(patch) => {
+                if !patch.is_ready {
+                    let points = patch.points(x.sample);
+                    self.weigh(
+                        tree,
+                        cut,
+                        &patch.receiver,
+                        factors,
+                        points,
+                        &mut patch.draws,
+                    );
+                    patch.is_ready = true;
+                }
+                &mut patch.draws
+            }
+        };
         eval.mark(Phase::Cut);
         let u = if self.spec.stratify && is_seen {
             x.sequence.f64(x.sample, LIGHTS, rng)
         } else {
             rng.f64()
         };
-        cut.draw(tree, &x.receiver, samples, u, draws);
+        cut.draw(tree, &x.receiver, u, draws);
         eval.mark(Phase::Select);
         for drawn in draws.lights() {
             eval.expect(drawn.light);
@@ -211,10 +267,10 @@ mod tests {
     use crate::method::conformance::{gather_points, light_sets, room};
     use crate::method::{MethodSpec, conformance};
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
-    use crate::tile_points::BLOCKS;
+    use crate::tile_points::{BLOCKS, Centre};
 
     #[test]
-    fn a_cut_made_for_other_points_gives_the_light_of_all_lights() {
+    fn a_cut_and_weights_made_for_other_points_give_the_light_of_all_lights() {
         let scene = room(true);
         let tracer = Tracer::build(&scene);
         let points = gather_points(&scene);
@@ -237,23 +293,34 @@ mod tests {
             let shape = VirtualShape::Sphere;
             let mut queue =
                 ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
-            let mut learned = Learned::default();
-            method.begin_tile(
-                &TilePoints {
-                    points: &late,
-                    width: 1,
-                    samples: 1,
-                    is_milestone: true,
-                    pilots: &late,
-                    probe_stream: &stream(0, Purpose::Probe),
-                    stream: &stream,
-                },
-                &mut queue,
-                &mut learned,
-                &mut scratch,
-            );
-            has_learned |= learned.factors.iter().any(|&factor| factor != 1.0);
             for x in &points[2..] {
+                // It lies at the edge of a patch.
+                let midst = x.moved(0.04 * x.ns.any_orthonormal_vector());
+                let centres = [late[0], late[1], midst].map(|point| {
+                    Some(Centre {
+                        point,
+                        reach: 0.1,
+                        is_pilot: point.sample == LEARNED_FROM,
+                    })
+                });
+                let mut learned = Learned::default();
+                method.begin_tile(
+                    &TilePoints {
+                        points: &late,
+                        width: 1,
+                        samples: 1,
+                        is_milestone: true,
+                        centres: &centres,
+                        probe_stream: &stream(0, Purpose::Probe),
+                        stream: &stream,
+                    },
+                    &mut queue,
+                    &mut learned,
+                    &mut scratch,
+                );
+                has_learned |= learned.factors.iter().any(|&factor| factor != 1.0);
+                let is_on_patch = scratch.patches.of(x).is_some();
+                assert_eq!(is_on_patch, method.tree.is_some(), "{name}");
                 let count = 3000;
                 let mut memory = QueueScratch::default();
                 let mut queue = ShadowQueue::new(
@@ -334,13 +401,22 @@ mod tests {
                 ..*x
             };
             let mut learned = Learned::default();
-            let pilots = &points;
+            let centres: Vec<_> = points
+                .iter()
+                .map(|&point| {
+                    Some(Centre {
+                        point,
+                        reach: 0.1,
+                        is_pilot: true,
+                    })
+                })
+                .collect();
             let tile = TilePoints {
                 points: &[x],
                 width: 1,
                 samples: 1,
                 is_milestone: true,
-                pilots,
+                centres: &centres,
                 probe_stream: &stream(0, Purpose::Probe),
                 stream: &stream,
             };

@@ -1,0 +1,272 @@
+//! What is drawn from a shared cut.
+
+use std::ops::Range;
+
+use crate::block::{Cluster, Lanes, WIDTH};
+use crate::bounds::Receiver;
+use crate::light::LightId;
+use crate::opening::{Opening, Row};
+use crate::select::BELOW_ONE;
+use crate::shared_cut::SharedCut;
+use crate::wide::{Descents, WideTree};
+
+/// A light that was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Which light.
+    pub light: LightId,
+    /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
+    pub expected: f64,
+    /// The cluster of the cut that it is in.
+    pub cluster: u32,
+    /// What it is expected to bring: its share of the weight of its cluster.
+    pub weight: f64,
+}
+
+/// Weights, picks and lights of one receiver, or of those that it stands for; memory is kept from receiver to receiver.
+#[derive(Debug, Default)]
+pub struct Draws {
+    pub(crate) weights: Vec<Lanes>,
+    /// What the weights belong to.
+    pub(crate) rows: Vec<Row>,
+    /// What the cut's clusters would weigh, were all their lights where they bring most.
+    pub(crate) peaks: Vec<Lanes>,
+    /// How many times as much they may bring to another point of the receiver's region.
+    pub(crate) swings: Vec<Lanes>,
+    /// What the cut's clusters were multiplied by; empty for nothing.
+    pub(crate) factors: Vec<f32>,
+    pub(crate) opening: Opening,
+    /// So many of the rows, the last, are weighed anew for each point.
+    pub(crate) near: usize,
+    /// Weights of all from which lights are drawn by chance.
+    pub(crate) left: Vec<Lanes>,
+    /// Running sums of these, row by row.
+    sums: Vec<f64>,
+    settled: Settled,
+    pub(crate) picks: Vec<Pick>,
+    pub(crate) lights: Vec<Drawn>,
+    pub(crate) dead: u32,
+    pub(crate) descents: Descents,
+}
+
+/// What all points have in common: the rows that are not near.
+#[derive(Debug, Default)]
+struct Settled {
+    /// Lights that are drawn for certain.
+    certain: Vec<Drawn>,
+    /// Sum of the weights of the others.
+    total: f64,
+    /// Lights to be drawn besides.
+    samples: u32,
+}
+
+/// A cluster from which one light is to be drawn.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pick {
+    pub(crate) cluster: Cluster,
+    /// The cluster of the cut that holds it.
+    pub(crate) of: u32,
+    /// Whether all it holds is far off.
+    pub(crate) is_far: bool,
+    pub(crate) expected: f64,
+    /// Chooses within the cluster.
+    pub(crate) u: f64,
+}
+
+impl Pick {
+    /// `light`, to which the pick has led; a cluster of weight `step` is picked once on average.
+    #[inline]
+    pub(crate) fn drawn(&self, light: LightId, step: f64) -> Drawn {
+        Drawn {
+            light,
+            expected: self.expected,
+            cluster: self.of,
+            weight: self.expected * step,
+        }
+    }
+}
+
+impl Draws {
+    /// The lights that were drawn; the same one may be among them more than once.
+    pub fn lights(&self) -> &[Drawn] {
+        &self.lights
+    }
+
+    /// What the `i`-th cluster is expected to bring, after [`SharedCut::weigh`].
+    pub fn weight(&self, i: usize) -> f32 {
+        self.weights[i / WIDTH][i % WIDTH]
+    }
+
+    /// How many draws ended in a cluster that cannot light the receiver.
+    pub fn dead(&self) -> u32 {
+        self.dead
+    }
+
+    /// Multiplies the weights by `factors`, > 0, one for each cluster, or none at all.
+    pub fn scale(&mut self, factors: &[f32]) {
+        self.factors.clear();
+        self.factors.extend_from_slice(factors);
+        let lanes = self.weights.iter_mut().zip(&mut self.peaks);
+        for ((weights, peaks), factors) in lanes.zip(factors.chunks(WIDTH)) {
+            for (lane, factor) in factors.iter().enumerate() {
+                weights[lane] *= factor;
+                peaks[lane] *= factor;
+            }
+        }
+    }
+
+    /// Sum of the weights.
+    pub(crate) fn total(&self) -> f64 {
+        self.weights.iter().map(sum_of).sum()
+    }
+
+    /// [`SharedCut::settle`].
+    pub(crate) fn settle(&mut self, cut: &SharedCut, tree: &WideTree, samples: u32) {
+        self.left.clone_from(&self.weights);
+        self.settled.certain.clear();
+        self.settled.samples = samples.max(1);
+        let far = 0..self.rows.len() - self.near;
+        let near: f64 = self.left[far.end..].iter().map(sum_of).sum();
+        loop {
+            self.settled.total = self.sum(far.clone(), 0.0);
+            let Settled {
+                certain,
+                total,
+                samples,
+            } = &mut self.settled;
+            if *total <= 0.0 {
+                return;
+            }
+            let bar = (*total + near) / f64::from(*samples);
+            let rows = self.rows[far.clone()].iter().zip(&mut self.left);
+            let taken = take_certain(cut, tree, rows, bar, certain);
+            if taken == 0 {
+                return;
+            }
+            // Taking some out lowers the bar for the others. What is left has a weight, and so needs a sample.
+            *samples = samples.saturating_sub(taken).max(1);
+        }
+    }
+
+    /// Takes what is certain for `receiver`, and picks clusters for what is not: [`SharedCut::draw`] but for the descent.
+    /// Returns the weight of which one light is drawn.
+    pub(crate) fn pick_all(
+        &mut self,
+        cut: &SharedCut,
+        tree: &WideTree,
+        receiver: &Receiver,
+        u: f64,
+    ) -> f64 {
+        self.picks.clear();
+        self.dead = 0;
+        self.lights.clear();
+        self.lights.extend_from_slice(&self.settled.certain);
+        let near = self.rows.len() - self.near..self.rows.len();
+        if !near.is_empty() {
+            cut.weigh_near(tree, receiver, self);
+        }
+        let mut samples = self.settled.samples;
+        loop {
+            let total = self.sum(near.clone(), self.settled.total);
+            if total <= 0.0 {
+                return 0.0;
+            }
+            let step = total / f64::from(samples);
+            let rows = self.rows[near.clone()]
+                .iter()
+                .zip(&mut self.left[near.clone()]);
+            let taken = take_certain(cut, tree, rows, step, &mut self.lights);
+            if taken == 0 {
+                self.pick(cut, tree, samples, u, step);
+                return step;
+            }
+            samples = samples.saturating_sub(taken).max(1);
+        }
+    }
+
+    /// Sums up what is left of `rows`, on from `sum`, which those before have.
+    fn sum(&mut self, rows: Range<usize>, mut sum: f64) -> f64 {
+        self.sums.truncate(rows.start);
+        for weights in &self.left[rows] {
+            sum += sum_of(weights);
+            self.sums.push(sum);
+        }
+        sum
+    }
+
+    /// Picks clusters at distances `step` along their weights.
+    fn pick(&mut self, cut: &SharedCut, tree: &WideTree, count: u32, u: f64, step: f64) {
+        let mut block = 0;
+        // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
+        let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
+        for i in 0..count {
+            let at = ((f64::from(i) + u) * step).min(end);
+            block += self.sums[block..].partition_point(|&sum| sum <= at);
+            let before = match block {
+                0 => 0.0,
+                _ => self.sums[block - 1],
+            };
+            let mut rest = at - before;
+            let mut picked = None;
+            for (lane, w) in self.left[block].into_iter().enumerate() {
+                let w = f64::from(w);
+                if w > 0.0 {
+                    picked = Some((lane, w, rest / w));
+                    if rest < w {
+                        break;
+                    }
+                    rest -= w;
+                }
+            }
+            if let Some((lane, w, u)) = picked {
+                let row = self.rows[block];
+                self.picks.push(Pick {
+                    cluster: cut.block(tree, row).clusters[lane],
+                    of: row.cluster(lane),
+                    is_far: false,
+                    expected: w / step,
+                    u: u.clamp(0.0, BELOW_ONE),
+                });
+            }
+        }
+    }
+}
+
+/// Eight at a time in `f32`: a share of 10⁻⁷ lost in one block is lost for good, but to the same extent in the choice within the
+/// block, which is made by the weights themselves.
+fn sum_of(weights: &Lanes) -> f64 {
+    let [a, b, c, d, e, f, g, h] = weights.map(f64::from);
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
+}
+
+/// Takes every single light whose weight is at least `bar`, and says how many there were.
+fn take_certain<'a>(
+    cut: &SharedCut,
+    tree: &WideTree,
+    rows: impl Iterator<Item = (&'a Row, &'a mut Lanes)>,
+    bar: f64,
+    lights: &mut Vec<Drawn>,
+) -> u32 {
+    let mut taken = 0;
+    for (row, weights) in rows {
+        if weights.iter().all(|&w| f64::from(w) < bar) {
+            continue;
+        }
+        let block = cut.block(tree, *row);
+        for (lane, (w, cluster)) in weights.iter_mut().zip(block.clusters).enumerate() {
+            if f64::from(*w) >= bar
+                && let Some(light) = cluster.light()
+            {
+                taken += 1;
+                lights.push(Drawn {
+                    light,
+                    expected: 1.0,
+                    cluster: row.cluster(lane),
+                    weight: f64::from(*w),
+                });
+                *w = 0.0;
+            }
+        }
+    }
+    taken
+}
