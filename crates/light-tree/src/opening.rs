@@ -123,13 +123,13 @@ impl SharedCut {
                 Some(block) => tree.weights::<false>(block, receiver, &seen).weights,
                 None => self.weights(tree, row.block as usize, receiver, &seen),
             };
-            for lane in 0..WIDTH {
+            for (lane, weight) in weights.iter_mut().enumerate() {
                 // What was opened has rows of its own, and what is dark is so for the whole region.
                 if draws.weights[i][lane] == 0.0 {
-                    weights[lane] = 0.0;
+                    *weight = 0.0;
                 }
                 if let Some(factor) = draws.factors.get(row.cluster(lane) as usize) {
-                    weights[lane] *= factor;
+                    *weight *= factor;
                 }
             }
             draws.left[i] = weights;

@@ -233,8 +233,8 @@ impl<const K: usize> Nearest<K> {
     fn insert(&mut self, new: Lanes) {
         // Of what is looked at late, little is among the nearest.
         let mut any = false;
-        for lane in 0..LANES {
-            any |= new[lane] < self.0[K - 1][lane];
+        for (new, kept) in new.iter().zip(&self.0[K - 1]) {
+            any |= new < kept;
         }
         if !any {
             return;

@@ -126,8 +126,8 @@ pub(super) fn split(context: &Context, items: &mut [Item]) -> usize {
     // Most clusters are small, and bins that they have no use for would be most of the work.
     match items.len() {
         2 => 1,
-        ..=4 => split_into::<4>(context, items),
-        ..=8 => split_into::<8>(context, items),
+        3..=4 => split_into::<4>(context, items),
+        5..=8 => split_into::<8>(context, items),
         _ => split_into::<BINS>(context, items),
     }
 }
