@@ -1,6 +1,6 @@
 //! What lights cost by their number: the trees, the weights of nodes, cuts, and draws.
 //!
-//!     cargo bench -p manylight-light-tree                    # all sizes: some eight minutes
+//!     cargo bench -p manylight-light-tree                    # all sizes: up to ten minutes
 //!     cargo bench -p manylight-light-tree -- '/100000$'      # one of them
 
 mod build;
