@@ -3,8 +3,7 @@
 //!     pip install embreex      # holds Embree 4, in embreex.libs; no part of the tests
 //!     cargo run --release -p manylight-scene --example against_embree -- PATH/libembree4.so SCENE.ron ...
 //!
-//! Rays are those of a render: ten shadow rays from each point that the camera sees to points where light would be
-//! after a bounce, and diffuse bounces. Cut-outs are taken as solid, which is all that Embree knows. One thread,
+//! Rays are those of a render (`rays.rs`). Cut-outs are taken as solid, which is all that Embree knows. One thread,
 //! its own CPU time, the contestants by turns; the median of the rounds is printed.
 
 #![allow(
@@ -13,23 +12,20 @@
     reason = "a C library is called, and figures are what this program is for"
 )]
 
+mod rays;
+
 use std::ffi::{c_char, c_void};
 use std::hint::black_box;
 use std::path::Path;
 use std::ptr;
 use std::time::Duration;
 
-use glam::Vec3;
 use libloading::Library;
 use manylight_scene::trace::{OcclusionScratch, Ray, Tracer};
-use manylight_scene::{Camera, Scene, Surface, load};
+use manylight_scene::{Scene, load};
+use rays::{Rays, rays_of};
 use rustix::time::{ClockId, clock_gettime};
-use sampling::{Purpose, Rng, cosine_hemisphere};
 
-const WIDTH: u32 = 320;
-const HEIGHT: u32 = 180;
-const SHADOW_RAYS: usize = 10;
-const BOUNCES: usize = 4;
 /// Rays that are handed to the queue together, as a render does.
 const BATCH: usize = 1024;
 const ROUNDS: usize = 9;
@@ -172,61 +168,6 @@ impl Embree {
         unsafe { (self.intersect)(self.scene, &mut query, ptr::null_mut()) };
         (query.geometry != NO_GEOMETRY).then_some((query.ray.far, query.primitive))
     }
-}
-
-/// What is traced.
-struct Rays {
-    shadow: Vec<Ray>,
-    bounce: Vec<Ray>,
-}
-
-fn rays_of(scene: &Scene, tracer: &Tracer) -> Rays {
-    let camera = Camera::new(&scene.camera, WIDTH, HEIGHT);
-    let mut rng = Rng::new(1, 0, 0, Purpose::Build);
-    let surface = |ray: &Ray| -> Option<Surface> {
-        let hit = tracer.closest(ray)?;
-        Some(scene.surface(&hit, ray.direction))
-    };
-    let from = |origin, direction| Ray {
-        origin,
-        direction,
-        t_max: f32::INFINITY,
-    };
-    let mut seen = Vec::new();
-    for pixel in 0..WIDTH * HEIGHT {
-        let (x, y) = ((pixel % WIDTH) as f32, (pixel / WIDTH) as f32);
-        seen.extend(surface(&from(
-            camera.origin(),
-            camera.direction(x + rng.f32(), y + rng.f32()),
-        )));
-    }
-    let mut bounce = Vec::new();
-    for s in &seen {
-        let (right, up) = s.ng.any_orthonormal_pair();
-        for _ in 0..BOUNCES {
-            let (d, _) = cosine_hemisphere([rng.f32(), rng.f32()]);
-            bounce.push(from(s.ray_origin(), right * d.x + up * d.y + s.ng * d.z));
-        }
-    }
-    let lights: Vec<Surface> = bounce.iter().step_by(BOUNCES).filter_map(surface).collect();
-    let mut shadow = Vec::new();
-    for s in &seen {
-        let faces = |light: &&Surface| {
-            let to: Vec3 = light.position - s.position;
-            to.dot(s.ng) > 0.0 && to.dot(light.ng) < 0.0
-        };
-        let drawn: Vec<&Surface> = (0..8 * SHADOW_RAYS)
-            .map(|_| &lights[(f64::from(rng.f32()) * lights.len() as f64) as usize % lights.len()])
-            .filter(faces)
-            .take(SHADOW_RAYS)
-            .collect();
-        shadow.extend(
-            drawn
-                .iter()
-                .map(|light| Ray::between(s.ray_origin(), light.ray_origin())),
-        );
-    }
-    Rays { shadow, bounce }
 }
 
 /// CPU time of this thread that `work` takes, in seconds.

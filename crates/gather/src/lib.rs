@@ -67,7 +67,7 @@ pub use path::Integrator;
 pub use plan::{BOUNCES, Plan};
 pub use point::GatherPoint;
 pub use render::{Pass, Render, RenderSpec, Shard};
-pub use shadow_queue::{Gathered, LightEval, SampleSum, Seen, ShadowQueue};
+pub use shadow_queue::{Gathered, LightEval, QueueScratch, SampleSum, Seen, ShadowQueue};
 pub use tile_points::TilePoints;
 
 use std::borrow::Cow;

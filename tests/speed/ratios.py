@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""What speed should be, and what it is: ratios of what one machine does in one run.
+
+    tests/speed/ratios.py --manylight target/release/manylight
+    pip install embreex            # holds Embree 4, in embreex.libs; no part of the tests
+    tests/speed/ratios.py --manylight target/release/manylight --embree PATH/libembree4.so
+
+- choosing / rays: `cut` + `select` over `shadow` of the report's thread seconds, one thread;
+- set-up: the report's `seconds` and `bytes`, two threads;
+- a light sample: `cut`, `select`, `evaluate` and `shadow` over the number of light samples, in the same renders;
+- two threads: seconds of the render by one thread over those by two;
+- rays: rates over those of Embree's single rays, by `tests/peers/against_embree.rs`, which `cargo` builds.
+
+All but the last are clocks of threads: the machine should do nothing else. What is compared takes turns, round by round, each round with a
+seed of its own; printed are medians, and the least and the greatest. Sibenik, Sponza and Conference are measured where MANYLIGHT_SCENES
+is set.
+"""
+
+import argparse
+import json
+import operator
+import os
+import statistics
+import subprocess
+
+HERE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+METHODS = ("stochastic-lightcuts", "best")
+COMPARED = {"<": operator.lt, "<=": operator.le, ">=": operator.ge}
+# From so many lights on the time of a light sample should hardly grow.
+FEW = 1_000
+MILLION = 1_000_000
+
+
+def row(what, target, values):
+    """Prints a line of the table; `target` is `<= 1`, and perhaps a unit."""
+    sign, limit = target.split()[:2]
+    median = statistics.median(values)
+    met = "yes" if COMPARED[sign](median, float(limit)) else "no"
+    print(f"| {what} | {target} | {median:.3g} | {min(values):.3g} to {max(values):.3g} | {met} |", flush=True)
+
+
+class Renders:
+    """Runs the program and reads what it reports."""
+
+    def __init__(self, given):
+        self.given = given
+
+    def report(self, scene, method, threads, *more):
+        config = os.path.join(HERE, "configs", scene + ".ron")
+        subprocess.run([self.given.manylight, "render", config, "--method", method, "--threads", str(threads), "--size", self.given.size, "--spp",
+                        str(self.given.spp), "--out", self.given.out, "--name", "ratios", "--quiet", *more], check=True)
+        with open(os.path.join(self.given.out, "ratios.json")) as report:
+            return json.load(report)
+
+    def by_turns(self, contestants):
+        """The reports of each contestant (arguments of `report`, by name), a round at a time."""
+        reports = {name: [] for name in contestants}
+        for seed in range(1, self.given.rounds + 1):
+            for name, arguments in contestants.items():
+                reports[name].append(self.report(*arguments, "--seed", str(seed)))
+        return reports
+
+
+def choosing(renders, scenes):
+    """Choosing ten lights against their shadow rays."""
+    targets = {"nave": "<= 1", "sibenik": "<= 1", "sponza": "<= 0.5"}
+    for scene in (s for s in targets if s in scenes):
+        reports = renders.by_turns({method: (scene, method, 1) for method in METHODS})
+        for method, found in reports.items():
+            seconds = [r["thread_seconds"] for r in found]
+            count = sum(found[0]["lights"].values())
+            row(f"choosing / shadow rays, {scene}, {count} lights, `{method}`", targets[scene], [(s["cut"] + s["select"]) / s["shadow"] for s in seconds])
+
+
+def light_sample(report):
+    """Thread seconds of one light sample."""
+    return sum(report["thread_seconds"][phase] for phase in ("cut", "select", "evaluate", "shadow")) / report["light_samples"]
+
+
+def by_count(renders, scene, most):
+    """Set-up, memory, and how the time of a light sample grows."""
+    counts = sorted({FEW, MILLION, most})
+    contestants = {(method, count): (scene, method, 2, "--set", f"lights.count={count}") for method in METHODS for count in counts}
+    reports = renders.by_turns(contestants)
+    for count in counts[1:]:
+        limit = f"< {max(1, count / MILLION):g} s"
+        of_count = [r for method in METHODS for r in reports[method, count]]
+        row(f"{count} virtual lights traced and stored, {scene}", limit, [r["seconds"]["lights"] for r in of_count])
+        for method in METHODS:
+            found = reports[method, count]
+            row(f"tree of {count}, {scene}, `{method}`", limit, [r["seconds"]["tree"] for r in found])
+            per_light = [sum(r["bytes"][part] for part in ("lights", "tree", "wide_tree")) / sum(r["lights"].values()) for r in found]
+            row(f"memory of a light with its share of the tree, {count}, {scene}, `{method}`", "< 100 B", per_light)
+    for method in METHODS:
+        pairs = zip(reports[method, most], reports[method, FEW])
+        row(f"a light sample of {most} / of {FEW}, {scene}, `{method}`", "< 3", [light_sample(a) / light_sample(b) for a, b in pairs])
+
+
+def loading(renders, scene):
+    """Files and the hierarchy of rays."""
+    found = renders.by_turns({scene: (scene, "uniform", 2, "--set", "lights=AsGiven")})[scene]
+    row(f"{found[0]['triangles']} triangles loaded and made ready for rays, {scene}", "< 1 s", [r["seconds"]["load"] + r["seconds"]["bvh"] for r in found])
+
+
+def threads(renders, scene):
+    """What a second thread brings."""
+    for method in METHODS:
+        reports = renders.by_turns({n: (scene, method, n) for n in (1, 2)})
+        pairs = zip(reports[1], reports[2])
+        row(f"one thread / two, {scene}, `{method}`", ">= 1.9", [a["seconds"]["render"] / b["seconds"]["render"] for a, b in pairs])
+
+
+def rays(library, scenes):
+    """Rates of rays against Embree's."""
+    folders = [os.path.join(HERE, "scenes/nave") if s == "nave" else os.path.join(os.environ["MANYLIGHT_SCENES"], s) for s in scenes]
+    command = ["cargo", "run", "--release", "--quiet", "-p", "manylight-scene", "--example", "against_embree", "--", os.path.abspath(library)]
+    command += [os.path.join(folder, "scene.ron") for folder in folders]
+    header, *lines = subprocess.run(command, cwd=HERE, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()
+    for scene, line in zip(scenes, lines):
+        figures = dict(zip(header.split(", "), line.split(", ")))
+        row(f"any hit, queued / Embree, {scene}", ">= 1.5", [float(figures["queued / Embree"])])
+        row(f"closest hit / Embree, {scene}", ">= 0.85", [float(figures["closest / Embree"])])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--manylight", default="target/release/manylight")
+    parser.add_argument("--embree", metavar="PATH/libembree4.so")
+    parser.add_argument("--size", default="240x135")
+    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--most", type=int, default=10_000_000, help="lights, a million or more")
+    parser.add_argument("--out", default="out/speed")
+    given = parser.parse_args()
+    renders = Renders(given)
+    has_scenes = bool(os.environ.get("MANYLIGHT_SCENES"))
+    scenes = ["nave", *(["sibenik", "sponza", "conference"] if has_scenes else [])]
+
+    print("| what | target | median | least to greatest | met |\n| --- | --- | ---: | --- | --- |")
+    if given.embree:
+        rays(given.embree, scenes)
+    choosing(renders, scenes)
+    for scene in (s for s in ("nave", "sibenik") if s in scenes):
+        by_count(renders, scene, given.most)
+    for scene in (s for s in ("nave", "sponza") if s in scenes):
+        loading(renders, scene)
+        threads(renders, scene)
+    if not has_scenes:
+        print("\nSkipped: Sibenik, Sponza and Conference; set MANYLIGHT_SCENES.")
+    if not given.embree:
+        print("\nSkipped: rays against Embree's; give --embree.")
+
+
+if __name__ == "__main__":
+    main()
