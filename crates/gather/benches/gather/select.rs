@@ -70,8 +70,9 @@ fn shared_cut(c: &mut Criterion, view: &View) {
         b.iter(|| {
             let (cut, x) = points.next().expect("sees something");
             cut.weigh(tree, x, &mut draws);
-            cut.open(tree, x, SAMPLES as u32, &[], &mut draws);
-            cut.draw(tree, x, SAMPLES as u32, rng.f64(), &mut draws);
+            cut.open(tree, x, SAMPLES as u32, 1, &mut draws);
+            cut.settle(tree, SAMPLES as u32, &mut draws);
+            cut.draw(tree, x, rng.f64(), &mut draws);
             black_box(draws.lights().len())
         });
     });

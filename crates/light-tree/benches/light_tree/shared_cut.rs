@@ -51,10 +51,11 @@ pub(crate) fn bench(c: &mut Criterion, hall: &Hall) {
                 let (cut, x) = points.next().expect("the list begins again");
                 cut.weigh(tree, x, &mut draws);
                 if last >= Step::Open {
-                    cut.open(tree, x, SAMPLES, &[], &mut draws);
+                    cut.open(tree, x, SAMPLES, 1, &mut draws);
                 }
                 if last == Step::Draw {
-                    cut.draw(tree, x, SAMPLES, rng.f64(), &mut draws);
+                    cut.settle(tree, SAMPLES, &mut draws);
+                    cut.draw(tree, x, rng.f64(), &mut draws);
                 }
                 black_box(draws.lights().len())
             });
