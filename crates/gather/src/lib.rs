@@ -68,7 +68,7 @@ pub use plan::{BOUNCES, Plan};
 pub use point::GatherPoint;
 pub use render::{Pass, Render, RenderSpec, Shard};
 pub use shadow_queue::{Gathered, LightEval, QueueScratch, SampleSum, Seen, ShadowQueue};
-pub use tile_points::TilePoints;
+pub use tile_points::{Centre, TilePoints};
 
 use std::borrow::Cow;
 use std::sync::OnceLock;
