@@ -40,7 +40,8 @@ pub struct StratifiedLightcutsSpec {
     pub learn: bool,
     /// Whether clusters that are too near a point, or too wide for its lobe, are taken apart for it.
     pub open: bool,
-    /// Whether what lights are drawn by is worked out once for a patch of surface, a few pixels wide, rather than for each point.
+    /// Whether what lights are drawn by is worked out once for a patch of surface, a few pixels wide, rather than for each point;
+    /// done for cuts of up to 4096 clusters, whose weights hundreds of patches can keep.
     pub patches: bool,
     /// Whether the samples of a pixel are stratified jointly rather than drawn one without regard to the other.
     pub stratify: bool,
@@ -59,6 +60,8 @@ impl Default for StratifiedLightcutsSpec {
     }
 }
 
+/// Most clusters of a cut that patches share the weights of: 120 KB each, 30 MB a thread if each pixel sees another.
+const MOST_SHARED: u32 = 4096;
 /// Clusters of a point that no tile's cut was made for.
 const OWN_CLUSTERS: usize = 64;
 /// The first sample of a pixel that is drawn by what was learned, and from which is learned: the ones before are to be had at
@@ -82,6 +85,10 @@ pub struct StratifiedScratch {
 }
 
 impl StratifiedLightcuts<'_> {
+    fn has_patches(&self) -> bool {
+        self.spec.patches && self.spec.clusters.get() <= MOST_SHARED
+    }
+
     /// Works out what lights are drawn by, for so many `points`.
     fn weigh(
         &self,
@@ -143,7 +150,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             pilots,
             ..
         } = scratch;
-        if self.spec.patches {
+        if self.has_patches() {
             patches.find(tile);
         }
         let centres = tile.centres.iter().flatten();
@@ -197,7 +204,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             true => &factors[block..][..cut.len()],
             false => &[],
         };
-        let patch = match is_shared && self.spec.patches {
+        let patch = match is_shared && self.has_patches() {
             true => patches.of(x),
             false => None,
         };
