@@ -5,9 +5,9 @@ use std::time::Duration;
 /// Where time goes while rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Shadow rays. Measured in full where they are traced together, at one point in 64 where one by one.
+    /// Shadow rays. Measured in full where they are traced together, at one point in 61 where one by one.
     Trace,
-    /// Choosing the clusters. This and the next two are measured at one point in 64; what is done once for a tile, rays
+    /// Choosing the clusters. This and the next two are measured at one point in 61; what is done once for a tile, rays
     /// included, in full.
     Cut,
     /// Choosing a light in each cluster.

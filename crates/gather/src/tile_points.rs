@@ -76,3 +76,22 @@ pub struct TilePoints<'a> {
     /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.
     pub stream: &'a dyn Fn(u32, Purpose) -> Rng,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_lie_between_their_milestones() {
+        let mut milestones = Vec::new();
+        for sample in 0..100 {
+            if is_milestone(sample) {
+                milestones.push(sample);
+            }
+            let before = *milestones.last().expect("0 is one");
+            let between = next_milestone(sample) - before;
+            assert_eq!(between_milestones(sample), between, "sample {sample}");
+        }
+        assert_eq!(milestones[..8], [0, 1, 2, 4, 8, 16, 32, 48]);
+    }
+}

@@ -43,6 +43,12 @@ pub struct WideTree {
     depth: u32,
 }
 
+/// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
+/// or of the lobe's width.
+const FAR2: f32 = 0.04;
+/// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
+const ALIKE: f32 = 0.95;
+
 impl WideTree {
     /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
     pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
@@ -499,11 +505,6 @@ fn members(tree: &LightTree, below: &Below, node: NodeId) -> Vec<NodeId> {
     members
 }
 
-/// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
-/// or of the lobe's width.
-const FAR2: f32 = 0.04;
-/// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
-const ALIKE: f32 = 0.95;
 #[cfg(test)]
 mod tests {
     use glam::Vec3;

@@ -276,6 +276,14 @@ mod tests {
     use crate::shadow_queue::{QueueScratch, ShadowQueue};
     use crate::tile_points::{BLOCKS, Centre};
 
+    fn centre(x: &GatherPoint, is_pilot: bool) -> Option<Centre> {
+        Some(Centre {
+            point: *x,
+            reach: 0.1,
+            is_pilot,
+        })
+    }
+
     #[test]
     fn a_cut_and_weights_made_for_other_points_give_the_light_of_all_lights() {
         let scene = room(true);
@@ -303,13 +311,11 @@ mod tests {
             for x in &points[2..] {
                 // It lies at the edge of a patch.
                 let midst = x.moved(0.04 * x.ns.any_orthonormal_vector());
-                let centres = [late[0], late[1], midst].map(|point| {
-                    Some(Centre {
-                        point,
-                        reach: 0.1,
-                        is_pilot: point.sample == LEARNED_FROM,
-                    })
-                });
+                let centres = [
+                    centre(&late[0], true),
+                    centre(&late[1], true),
+                    centre(&midst, false),
+                ];
                 let mut learned = Learned::default();
                 method.begin_tile(
                     &TilePoints {
@@ -408,16 +414,7 @@ mod tests {
                 ..*x
             };
             let mut learned = Learned::default();
-            let centres: Vec<_> = points
-                .iter()
-                .map(|&point| {
-                    Some(Centre {
-                        point,
-                        reach: 0.1,
-                        is_pilot: true,
-                    })
-                })
-                .collect();
+            let centres: Vec<_> = points.iter().map(|x| centre(x, true)).collect();
             let tile = TilePoints {
                 points: &[x],
                 width: 1,
