@@ -11,13 +11,15 @@ pub(crate) const WIDTH: usize = 8;
 pub(crate) const STACK: usize = 7 * MAX_DEPTH + 8;
 /// Set in a link to a block of triangles, whose other bits are its index.
 const LEAF: u32 = 1 << 31;
+/// A link that leads nowhere, below all others on a stack.
+pub(crate) const NOWHERE: u32 = u32::MAX;
 
 /// A number for each child.
 pub(crate) type Lanes = [f32; WIDTH];
 /// Links that a ray has yet to follow. There is always room for eight more.
 pub(crate) type Stack = [u32; STACK];
 
-/// Eight boxes, coordinate by coordinate, and what lies in them. Unused slots hold an inverted box.
+/// Eight boxes, coordinate by coordinate, and what lies in them. Unused slots hold an infinitely distant point.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Node8 {
@@ -39,16 +41,11 @@ pub(crate) struct Bvh8 {
 pub(crate) struct NodeRay {
     pub(crate) origin: Vec3,
     pub(crate) inverse: Vec3,
-    /// `inverse` times [`FAR_SLACK`].
-    pub(crate) far_inverse: Vec3,
-    /// Rows of [`Node8::bounds`] through which the ray enters and leaves a box: they depend on its direction alone.
-    pub(crate) entry: [usize; 3],
-    pub(crate) exit: [usize; 3],
 }
 
-/// Widens the far end of each slab by 4 ulp, so that rounding never loses a box that the ray enters
+/// Widens the far end of the slabs by 4 ulp, so that rounding never loses a box that the ray enters
 /// (Ize 2013, "Robust BVH Ray Traversal").
-const FAR_SLACK: f32 = 1.000_000_5;
+pub(crate) const FAR_SLACK: f32 = 1.000_000_5;
 
 impl NodeRay {
     #[inline(always)]
@@ -59,24 +56,13 @@ impl NodeRay {
             direction.recip(),
             Vec3::splat(1e30).copysign(direction),
         );
-        let row = |axis: usize, backward: bool| axis + if backward { 3 } else { 0 };
-        let (x, y, z) = (inverse.x < 0.0, inverse.y < 0.0, inverse.z < 0.0);
-        Self {
-            origin,
-            inverse,
-            far_inverse: inverse * FAR_SLACK,
-            entry: [row(0, x), row(1, y), row(2, z)],
-            exit: [row(0, !x), row(1, !y), row(2, !z)],
-        }
+        Self { origin, inverse }
     }
 }
 
 impl Node8 {
     pub(super) const EMPTY: Self = Self {
-        bounds: {
-            let (lo, hi) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-            [lo, lo, lo, hi, hi, hi]
-        },
+        bounds: [[f32::INFINITY; WIDTH]; 6],
         links: [0; WIDTH],
     };
 
@@ -89,15 +75,25 @@ impl Node8 {
     }
 }
 
-/// The block of triangles that a link leads to; `None` for an inner node.
+/// Whether a link leads to a node. One that does not leads to a block of triangles, or [`NOWHERE`].
 #[inline(always)]
-pub(crate) fn block_of(link: u32) -> Option<usize> {
-    (link & LEAF != 0).then_some((link & !LEAF) as usize)
+pub(crate) fn is_inner(link: u32) -> bool {
+    link & LEAF == 0
+}
+
+/// Which node or block a link leads to.
+#[inline(always)]
+pub(crate) fn index_of(link: u32) -> usize {
+    (link & !LEAF) as usize
 }
 
 impl Bvh8 {
     /// Adds a block and returns the link that leads to it.
     pub(super) fn push_block(&mut self, block: TriangleBlock) -> u32 {
+        assert!(
+            self.blocks.len() < (NOWHERE & !LEAF) as usize,
+            "too many triangles for links of 32 bits"
+        );
         self.blocks.push(block);
         LEAF | (self.blocks.len() - 1) as u32
     }

@@ -1,16 +1,24 @@
 //! Shadow rays, many in flight.
 //!
-//! A shadow ray visits about a dozen nodes and waits for memory at most of them. Sixteen rays take turns,
+//! A shadow ray visits about a dozen nodes and waits for memory at most of them. Thirty-two rays take turns,
 //! one node each, and each asks for its next node before it yields: by the time its turn comes the
 //! node has arrived. Answers do not depend on the order, so neither do bits.
+//!
+//! Rays at an inner node, rays at a block of triangles and rays that are done have turns of their own, so that no branch
+//! depends on where a ray is. Whose turn it is stands in the bits of a register: read from memory it would wait for all that
+//! the turns before have written, and the processor could not work on several rays at once.
 
-use super::bvh8::{self, Bvh8, NodeRay, Stack};
-use super::triangle::WatertightRay;
+use super::bvh8::{self, Bvh8, NOWHERE, Node8, NodeRay, Stack};
+use super::single::bits;
+use super::triangle::{TriangleBlock, WatertightRay};
 use super::width::{Four, Width};
 use super::{Ray, Tracer};
 
-/// Rays that take turns.
-const LANES: usize = 16;
+/// Rays that take turns, one for each bit of a [`LaneSet`].
+const LANES: usize = 32;
+
+/// Lane l is in it when bit l is set.
+type LaneSet = u32;
 
 /// A ray under way.
 #[derive(Debug, Clone)]
@@ -20,8 +28,18 @@ struct Lane {
     t_max: f32,
     /// Position in the batch.
     index: usize,
+    /// Where it goes next.
+    link: u32,
+    /// What it has yet to follow then, above a link to nowhere.
     stack: Stack,
     top: usize,
+}
+
+/// The lanes by what they do next.
+struct Turns {
+    idle: LaneSet,
+    inner: LaneSet,
+    blocks: LaneSet,
 }
 
 /// Memory for [`Tracer::occluded`], kept between calls.
@@ -76,52 +94,53 @@ impl Tracer {
         answers: &mut [bool],
         scratch: &mut OcclusionScratch,
     ) {
-        while scratch.lanes.len() < LANES.min(rays.len()) {
-            scratch.lanes.push(Lane::idle());
-        }
-        let mut next = 0;
-        let mut live = 0;
-        while live < LANES && next < rays.len() {
-            scratch.lanes[live].start(&rays[next], next);
-            live += 1;
-            next += 1;
-        }
-        while live > 0 {
-            let mut l = 0;
-            while l < live {
-                let lane = &mut scratch.lanes[l];
-                let hit = self.step(width, lane);
-                if hit || lane.top == 0 {
-                    answers[lane.index] = hit;
-                    if next < rays.len() {
-                        lane.start(&rays[next], next);
-                        next += 1;
-                    } else {
-                        live -= 1;
-                        scratch.lanes.swap(l, live);
-                        continue;
-                    }
-                }
-                l += 1;
+        scratch.lanes.resize(LANES, Lane::idle());
+        let lanes = &mut scratch.lanes[..];
+        let mut waiting = rays.iter().enumerate();
+        let mut turns = Turns {
+            idle: LaneSet::MAX,
+            inner: 0,
+            blocks: 0,
+        };
+        loop {
+            for (l, (index, ray)) in bits(std::mem::take(&mut turns.idle)).zip(&mut waiting) {
+                lanes[l].start(ray, index);
+                turns.inner |= 1 << l;
+            }
+            if turns.inner | turns.blocks == 0 {
+                break;
+            }
+            for l in bits(std::mem::take(&mut turns.inner)) {
+                let lane = &mut lanes[l];
+                let node = &self.bvh.nodes[lane.link as usize];
+                let mask = width.meet(node, &lane.query, lane.t_max, &mut [0.0; bvh8::WIDTH]);
+                lane.top = width.push(node, mask, &mut lane.stack, lane.top);
+                lane.pop();
+                prefetch(&self.bvh, lane.link);
+                turns.file(l, lane.link);
+            }
+            for l in bits(std::mem::take(&mut turns.blocks)) {
+                let lane = &mut lanes[l];
+                let block = bvh8::index_of(lane.link);
+                let is_stopped = self.block_stops(block, &lane.watertight, lane.t_max);
+                answers[lane.index] = is_stopped;
+                lane.pop();
+                lane.link |= u32::from(is_stopped).wrapping_neg() & NOWHERE;
+                prefetch(&self.bvh, lane.link);
+                turns.file(l, lane.link);
             }
         }
     }
+}
 
-    /// Visits one node or leaf; returns whether it stops the ray.
+impl Turns {
+    /// Gives lane `l` the turn that `link` asks for, without a branch.
     #[inline(always)]
-    fn step<W: Width>(&self, width: W, lane: &mut Lane) -> bool {
-        lane.top -= 1;
-        let link = lane.stack[lane.top];
-        if let Some(block) = bvh8::block_of(link) {
-            return self.block_stops(block, &lane.watertight, lane.t_max);
-        }
-        let node = &self.bvh.nodes[link as usize];
-        let mask = width.meet(node, &lane.query, lane.t_max, &mut [0.0; bvh8::WIDTH]);
-        lane.top = width.push(node, mask, &mut lane.stack, lane.top);
-        if lane.top > 0 {
-            prefetch(&self.bvh, lane.stack[lane.top - 1]);
-        }
-        false
+    fn file(&mut self, l: usize, link: u32) {
+        let (is_nowhere, is_inner) = (link == NOWHERE, bvh8::is_inner(link));
+        self.idle |= LaneSet::from(is_nowhere) << l;
+        self.inner |= LaneSet::from(is_inner) << l;
+        self.blocks |= LaneSet::from(!is_nowhere & !is_inner) << l;
     }
 }
 
@@ -137,7 +156,8 @@ impl Lane {
             watertight: WatertightRay::of(&nothing),
             t_max: nothing.t_max,
             index: 0,
-            stack: [0; bvh8::STACK],
+            link: NOWHERE,
+            stack: [NOWHERE; bvh8::STACK],
             top: 0,
         }
     }
@@ -146,10 +166,17 @@ impl Lane {
     fn start(&mut self, ray: &Ray, index: usize) {
         self.query = NodeRay::of(ray.origin, ray.direction);
         self.watertight = WatertightRay::of(ray);
-        self.t_max = ray.t_max;
+        self.t_max = ray.t_max.min(f32::MAX);
         self.index = index;
-        self.stack[0] = 0;
+        self.link = 0;
+        self.stack[0] = NOWHERE;
         self.top = 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) {
+        self.top -= 1;
+        self.link = self.stack[self.top];
     }
 }
 
@@ -159,14 +186,14 @@ fn prefetch(bvh: &Bvh8, link: u32) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let (address, lines) = match bvh8::block_of(link) {
-            Some(block) => (bvh.blocks.as_ptr().wrapping_add(block).cast::<i8>(), 3),
-            None => (
-                bvh.nodes.as_ptr().wrapping_add(link as usize).cast::<i8>(),
-                4,
-            ),
+        // Four cache lines are a node, and what may be half a line more than a block; the choice takes no branch.
+        let (first, size) = if bvh8::is_inner(link) {
+            (bvh.nodes.as_ptr().cast::<i8>(), size_of::<Node8>())
+        } else {
+            (bvh.blocks.as_ptr().cast::<i8>(), size_of::<TriangleBlock>())
         };
-        for line in 0..lines {
+        let address = first.wrapping_add(bvh8::index_of(link) * size);
+        for line in 0..4 {
             #[allow(unsafe_code, reason = "the only way to prefetch")]
             // SAFETY: a prefetch reads nothing the program can see and never faults, whatever the address.
             unsafe {

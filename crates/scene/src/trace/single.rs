@@ -32,7 +32,7 @@ impl Tracer {
     #[inline(always)]
     pub(super) fn closest_with<W: Width>(&self, width: W, ray: &Ray) -> Option<Hit> {
         let mut best: Option<Hit> = None;
-        let mut t_max = ray.t_max;
+        let mut t_max = ray.t_max.min(f32::MAX);
         let query = NodeRay::of(ray.origin, ray.direction);
         let watertight = WatertightRay::of(ray);
         // Links, and the distances at which they are entered; the nearest is on top.
@@ -45,8 +45,8 @@ impl Tracer {
             if entry > t_max {
                 continue;
             }
-            if let Some(block) = bvh8::block_of(link) {
-                let block = &self.bvh.blocks[block];
+            if !bvh8::is_inner(link) {
+                let block = &self.bvh.blocks[bvh8::index_of(link)];
                 let hits = block.intersect(&watertight, t_max);
                 for k in bits(hits.mask) {
                     let hit = hits.hit(k);
@@ -106,19 +106,20 @@ impl Tracer {
     pub(super) fn is_occluded_with<W: Width>(&self, width: W, ray: &Ray) -> bool {
         let query = NodeRay::of(ray.origin, ray.direction);
         let watertight = WatertightRay::of(ray);
+        let t_max = ray.t_max.min(f32::MAX);
         let mut stack = [0u32; bvh8::STACK];
         let mut top = 1;
         while top > 0 {
             top -= 1;
             let link = stack[top];
-            if let Some(block) = bvh8::block_of(link) {
-                if self.block_stops(block, &watertight, ray.t_max) {
+            if !bvh8::is_inner(link) {
+                if self.block_stops(bvh8::index_of(link), &watertight, t_max) {
                     return true;
                 }
                 continue;
             }
             let node = &self.bvh.nodes[link as usize];
-            let mask = width.meet(node, &query, ray.t_max, &mut [0.0; bvh8::WIDTH]);
+            let mask = width.meet(node, &query, t_max, &mut [0.0; bvh8::WIDTH]);
             top = width.push(node, mask, &mut stack, top);
         }
         false
@@ -129,7 +130,11 @@ impl Tracer {
     pub(super) fn block_stops(&self, block: usize, ray: &WatertightRay, t_max: f32) -> bool {
         let block = &self.bvh.blocks[block];
         let hits = block.intersect(ray, t_max);
-        bits(hits.mask).any(|k| self.is_solid(block, k, || hits.hit(k)))
+        if self.cutouts.any() {
+            bits(hits.mask).any(|k| self.is_solid(block, k, || hits.hit(k)))
+        } else {
+            hits.mask != 0
+        }
     }
 
     /// Whether a hit on triangle `k` of `block` is on a part of it that is there; `hit` is asked for where that depends on it.
@@ -144,7 +149,7 @@ impl Tracer {
 
 /// Numbers of the bits that are set, the lowest first.
 #[inline(always)]
-fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
+pub(super) fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let k = (mask != 0).then(|| mask.trailing_zeros() as usize)?;
         mask &= mask - 1;

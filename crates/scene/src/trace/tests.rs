@@ -353,8 +353,8 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
     let mut found = vec![0; scene.mesh.len()];
     let mut work = vec![(0, Vec3::NEG_INFINITY, Vec3::INFINITY)];
     while let Some((link, lo, hi)) = work.pop() {
-        if let Some(block) = bvh8::block_of(link) {
-            for id in tracer.bvh.blocks[block].ids() {
+        if !bvh8::is_inner(link) {
+            for id in tracer.bvh.blocks[bvh8::index_of(link)].ids() {
                 found[id as usize] += 1;
                 for corner in scene.mesh.corners(id as usize) {
                     let is_within = corner.cmpge(lo).all() && corner.cmple(hi).all();
@@ -366,7 +366,7 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
         let node = &tracer.bvh.nodes[link as usize];
         for (slot, &link) in node.links.iter().enumerate() {
             let [x, y, z, to_x, to_y, to_z] = node.bounds.map(|row| row[slot]);
-            if x <= to_x {
+            if x.is_finite() {
                 work.push((link, Vec3::new(x, y, z), Vec3::new(to_x, to_y, to_z)));
             }
         }

@@ -95,14 +95,6 @@ impl WatertightRay {
 }
 
 impl BlockHits {
-    const NONE: Self = Self {
-        mask: 0,
-        t: Vec4::ZERO,
-        v: Vec4::ZERO,
-        w: Vec4::ZERO,
-        sum: Vec4::ZERO,
-    };
-
     /// The hit of triangle `k`, one of those in the mask.
     #[inline(always)]
     pub(crate) fn hit(&self, k: usize) -> TriangleHit {
@@ -180,9 +172,6 @@ impl TriangleBlock {
         let slack = sum.abs() * EDGE_SLACK;
         let (least, greatest) = (u.min(v).min(w), u.max(v).max(w));
         let inside = (least.cmpge(-slack) | greatest.cmple(slack)) & sum.cmpne(Vec4::ZERO);
-        if !inside.any() {
-            return BlockHits::NONE;
-        }
         let normal = cross(ca, ab);
         // Parallel to the plane 0/0 or x/0: NaN and infinity fail the range test.
         let t = dot(normal, a) / dot(normal, direction);

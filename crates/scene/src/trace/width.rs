@@ -4,12 +4,12 @@
 
 use glam::Vec4;
 
-use super::bvh8::{Lanes, Node8, NodeRay, Stack, WIDTH};
+use super::bvh8::{FAR_SLACK, Lanes, Node8, NodeRay, Stack, WIDTH};
 
 /// How wide the processor's vectors are. A traversal is compiled once for each.
 pub(crate) trait Width: Copy {
-    /// The children that the ray meets before `t_max`, bit by bit, and how far away; what `near` holds for others
-    /// means nothing.
+    /// The children that the ray meets before `t_max`, which is finite, bit by bit, and how far away; what `near` holds
+    /// for others means nothing.
     fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32;
 
     /// Puts the links of the children in `mask` on the stack, in their order, and returns its new height.
@@ -44,13 +44,16 @@ impl Width for Four {
         let mut mask = 0;
         for half in 0..2 {
             let row = |r: usize| Vec4::from_slice(&node.bounds[r][4 * half..]);
-            let (mut from, mut to) = (Vec4::ZERO, Vec4::splat(t_max));
+            let (mut from, mut to) = (Vec4::ZERO, Vec4::INFINITY);
             for axis in 0..3 {
                 let origin = Vec4::splat(ray.origin[axis]);
-                let entry = (row(ray.entry[axis]) - origin) * Vec4::splat(ray.inverse[axis]);
-                let exit = (row(ray.exit[axis]) - origin) * Vec4::splat(ray.far_inverse[axis]);
-                (from, to) = (entry.max(from), exit.min(to));
+                let inverse = Vec4::splat(ray.inverse[axis]);
+                let one = (row(axis) - origin) * inverse;
+                let other = (row(axis + 3) - origin) * inverse;
+                from = one.min(other).max(from);
+                to = one.max(other).min(to);
             }
+            let to = (to * FAR_SLACK).min(Vec4::splat(t_max));
             from.write_to_slice(&mut near[4 * half..]);
             mask |= from.cmple(to).bitmask() << (4 * half);
         }
@@ -80,7 +83,7 @@ mod eight {
 
     use std::arch::x86_64::*;
 
-    use super::{BITS, Lanes, Node8, NodeRay, Stack, WIDTH, Width};
+    use super::{BITS, FAR_SLACK, Lanes, Node8, NodeRay, Stack, WIDTH, Width};
 
     /// AVX2: vectors of eight. A value of it is the proof that the processor has it.
     #[derive(Debug, Clone, Copy)]
@@ -104,16 +107,17 @@ mod eight {
             // eight numbers.
             unsafe {
                 let row = |r: usize| _mm256_load_ps(node.bounds[r].as_ptr());
-                let (mut from, mut to) = (_mm256_setzero_ps(), _mm256_set1_ps(t_max));
+                let (mut from, mut to) = (_mm256_setzero_ps(), _mm256_set1_ps(f32::INFINITY));
                 for axis in 0..3 {
                     let origin = _mm256_set1_ps(ray.origin[axis]);
-                    let entry = _mm256_sub_ps(row(ray.entry[axis]), origin);
-                    let exit = _mm256_sub_ps(row(ray.exit[axis]), origin);
-                    let entry = _mm256_mul_ps(entry, _mm256_set1_ps(ray.inverse[axis]));
-                    let exit = _mm256_mul_ps(exit, _mm256_set1_ps(ray.far_inverse[axis]));
-                    from = _mm256_max_ps(entry, from);
-                    to = _mm256_min_ps(exit, to);
+                    let inverse = _mm256_set1_ps(ray.inverse[axis]);
+                    let one = _mm256_mul_ps(_mm256_sub_ps(row(axis), origin), inverse);
+                    let other = _mm256_mul_ps(_mm256_sub_ps(row(axis + 3), origin), inverse);
+                    from = _mm256_max_ps(_mm256_min_ps(one, other), from);
+                    to = _mm256_min_ps(_mm256_max_ps(one, other), to);
                 }
+                let to = _mm256_mul_ps(to, _mm256_set1_ps(FAR_SLACK));
+                let to = _mm256_min_ps(to, _mm256_set1_ps(t_max));
                 _mm256_storeu_ps(near.as_mut_ptr(), from);
                 _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
             }
