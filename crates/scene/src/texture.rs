@@ -112,15 +112,22 @@ impl Texture {
 /// The texels on both sides of repeating coordinate `s` and the weight of the second.
 fn neighbours(s: f32, size: u32) -> (u32, u32, f32) {
     // Coordinates can be huge: the fraction is taken first, in f64; not-a-number counts as 0.
-    let fraction = f64::from(s).rem_euclid(1.0);
+    let s = f64::from(s);
+    let fraction = s - s.floor();
     let x = if fraction.is_finite() {
         fraction * f64::from(size) - 0.5
     } else {
         0.0
     };
+    // From -1 to the last.
     let floor = x.floor();
-    let first = floor.rem_euclid(f64::from(size)) as u32 % size;
-    (first, (first + 1) % size, (x - floor) as f32)
+    let second = (floor + 1.0) as u32;
+    let first = if second == 0 { size } else { second } - 1;
+    (
+        first,
+        if second == size { 0 } else { second },
+        (x - floor) as f32,
+    )
 }
 
 #[cfg(test)]
