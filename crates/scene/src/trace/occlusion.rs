@@ -186,7 +186,7 @@ fn prefetch(bvh: &Bvh8, link: u32) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // Four cache lines are a node, and what may be half a line more than a block; the choice takes no branch.
+        // Four cache lines are a node, and one more than a block: a number that depended on the link would be a branch.
         let (first, size) = if bvh8::is_inner(link) {
             (bvh.nodes.as_ptr().cast::<i8>(), size_of::<Node8>())
         } else {
