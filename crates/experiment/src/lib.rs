@@ -14,6 +14,7 @@ mod reference;
 mod results;
 pub mod statistics;
 pub mod store;
+mod strips;
 mod summary;
 mod table;
 #[cfg(test)]
@@ -28,5 +29,6 @@ pub use plot::{Plot, write_plots};
 pub use reference::Reference;
 pub use results::{Machine, Results, SceneView, Series};
 pub use store::Store;
+pub use strips::{Strip, write_strips};
 pub use summary::{summary, write_summary};
 pub use table::{write_csv, write_json};

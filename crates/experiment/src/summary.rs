@@ -4,14 +4,23 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::ExperimentError;
+use crate::plot::Plot;
+use crate::reference::Reference;
 use crate::results::{Results, Series};
 use crate::statistics::Spread;
 use crate::store::write_with;
+use crate::strips::Strip;
 
 /// The figures of all series, a table for each scene and light set, with medians over seeds and the range where
-/// there are several.
+/// there are several, and where they come from: machine, program and references.
 pub fn summary(results: &Results) -> String {
     let mut text = format!("# {}\n", results.title);
+    let machine = &results.machine;
+    let _ = write!(
+        text,
+        "\n{}, threads: {}; manylight {}, commit {}.\n",
+        machine.cpu, machine.threads, machine.version, machine.commit
+    );
     if results.quick {
         text.push_str("\nThe quick form: figures are a try, not a result.\n");
     }
@@ -25,8 +34,37 @@ pub fn summary(results: &Results) -> String {
             .collect();
         // Writing into a string cannot fail.
         let _ = write!(text, "\n## {scene}, {lights}\n\n{}", table(results, &own));
+        let here = |r: &&Reference| (&*r.scene, &*r.lights) == (scene, lights);
+        let references: Vec<&Reference> = results.references.iter().filter(here).collect();
+        text.push_str(&origin(&references));
     }
     text + &flicker(results)
+}
+
+/// Where the references of a place, one for each frame, come from.
+fn origin(references: &[&Reference]) -> String {
+    let Some(first) = references.first() else {
+        return String::new();
+    };
+    let errors = Spread::of(references.iter().map(|r| r.standard_error));
+    let spp = Spread::of(references.iter().map(|r| f64::from(r.spp)));
+    let range = |spread: Option<Spread>, text: fn(f64) -> String| match spread {
+        Some(v) if v.low < v.high => format!("{} to {}", text(v.low), text(v.high)),
+        Some(v) => text(v.median),
+        None => "–".into(),
+    };
+    let tested = match first.under_test {
+        true => ", which is under test itself",
+        false => "",
+    };
+    format!(
+        "\nReference: {}{tested}, seed {}, {} spp; relative standard error {}, asked for {}.\n",
+        first.method.split('(').next().unwrap_or_default(),
+        first.seed,
+        range(spp, |v| format!("{v:.0}")),
+        range(errors, digits),
+        digits(first.asked)
+    )
 }
 
 /// A table of how methods flicker; nothing without animations.
@@ -56,12 +94,34 @@ fn flicker(results: &Results) -> String {
     format!("\n## Flicker\n\n{}", markdown(&rows, 3))
 }
 
-/// Writes [`summary`] to a file.
+/// Writes [`summary`] to a file, and under it the pictures of `plots/`.
 ///
 /// # Errors
 /// Names the file when it cannot be written.
-pub fn write_summary(path: &Path, results: &Results) -> Result<(), ExperimentError> {
-    write_with(path, |file| file.write_all(summary(results).as_bytes()))
+pub fn write_summary(
+    path: &Path,
+    results: &Results,
+    strips: &[Strip],
+    plots: &[Plot],
+) -> Result<(), ExperimentError> {
+    let mut text = summary(results);
+    if !(strips.is_empty() && plots.is_empty()) {
+        text.push_str("\n## Pictures\n");
+    }
+    for strip in strips {
+        let _ = write!(
+            text,
+            "\n![{}, {}; from left to right: {}, reference](plots/{})\n",
+            strip.scene,
+            strip.lights,
+            strip.labels.join(", "),
+            strip.file
+        );
+    }
+    for plot in plots {
+        let _ = write!(text, "\n![{}](plots/{}.svg)\n", plot.caption, plot.name);
+    }
+    write_with(path, |file| file.write_all(text.as_bytes()))
 }
 
 fn table(results: &Results, series: &[&Series<'_>]) -> String {
@@ -180,13 +240,25 @@ mod tests {
     fn the_summary_has_medians_ranges_and_failures() {
         let mut results = results();
         results.cells.push(cell("room", "one", 2, 2.0));
-        let text = summary(&results);
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = folder.path().join("summary.md");
+        let strip = Strip {
+            scene: "room".into(),
+            lights: "lamps".into(),
+            file: "1-crops.png".into(),
+            labels: vec!["one".into(), "two".into()],
+        };
+        write_summary(&path, &results, &[strip], &[]).expect("writes");
+        let text = std::fs::read_to_string(path).expect("reads");
         for part in [
             "# Two methods, made up",
             "## room, lamps",
             "| 0.375 (0.250…0.500) |",
             "+0.10 ± 0.20 %",
             "one, 4 spp: failed: there is, \"again\", no scene",
+            "threads: 2; manylight 0.1.0, commit abc.",
+            "Reference: AllLights, seed 99, 1024 spp; relative standard error 0.00400, asked for 0.00500.",
+            "![room, lamps; from left to right: one, two, reference](plots/1-crops.png)",
         ] {
             assert!(text.contains(part), "no {part:?} in:\n{text}");
         }

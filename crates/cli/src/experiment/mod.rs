@@ -126,8 +126,9 @@ fn write(results: &mut Results, store: &Store) -> Result<(), CliError> {
     results.animations = experiment::write_animations(store, results)?;
     experiment::write_csv(&folder.join("results.csv"), results)?;
     experiment::write_json(&folder.join("results.json"), results)?;
-    experiment::write_summary(&folder.join("summary.md"), results)?;
     let plots = experiment::write_plots(folder, results)?;
+    let strips = experiment::write_strips(store, results)?;
+    experiment::write_summary(&folder.join("summary.md"), results, &strips, &plots)?;
     experiment::write_page(store, results, &plots)?;
     Ok(())
 }
