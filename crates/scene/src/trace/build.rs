@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::bvh8::{Bvh8, Node8, WIDTH};
 use super::cutout::Cutouts;
+use super::forest::Forests;
 use super::triangle::{BLOCK, TriangleBlock};
 use crate::Mesh;
 
@@ -44,7 +45,8 @@ impl Bvh8 {
         };
         let boxes = build.boxes();
         let params = BvhBuildParams {
-            max_prims_per_leaf: BLOCK as u32,
+            // Which triangles share a block is decided together with which nodes share a wide one.
+            max_prims_per_leaf: 1,
             ..BvhBuildParams::medium_build()
         };
         let binary = on_a_deep_stack(|| build_bvh2(&boxes, params, &mut Duration::default()));
@@ -169,19 +171,23 @@ impl Build<'_> {
 
     /// Turns the binary tree into a wide one; `None` when that is too deep for the traversal stacks.
     fn collapse(&mut self, binary: &Bvh2) -> Option<()> {
-        let counts = self.counts(binary);
+        let count = |&p: &u32| self.primitives.triangles(p).len() as u32;
+        let forests = Forests::of(binary, |leaf| {
+            let leaf = &binary.nodes[leaf as usize];
+            primitives_of(binary, leaf).iter().map(count).sum()
+        });
         let root = self.push_node();
         // (wide node to fill, its binary nodes, depth)
-        let mut work = vec![(root, widest(binary, &counts, 0), 1)];
+        let mut work = vec![(root, forests.members(binary, 0), 1)];
         while let Some((wide, members, depth)) = work.pop() {
             if depth > COLLAPSED_LEVELS {
                 return None;
             }
             for (slot, &member) in members.iter().enumerate() {
                 let node = &binary.nodes[member as usize];
-                let link = if counts[member as usize] as usize > BLOCK && !node.is_leaf() {
+                let link = if !forests.is_block(member) {
                     let child = self.push_node();
-                    work.push((child, widest(binary, &counts, member), depth + 1));
+                    work.push((child, forests.members(binary, member), depth + 1));
                     child
                 } else {
                     let triangles = self.primitives.all(&primitives_below(binary, member));
@@ -196,26 +202,6 @@ impl Build<'_> {
             }
         }
         Some(())
-    }
-
-    /// How many triangles are below each node.
-    fn counts(&self, binary: &Bvh2) -> Vec<u32> {
-        let mut counts = vec![0; binary.nodes.len()];
-        // Each node is met twice, the second time when all below it is known: a chain may be deeper than the thread's stack.
-        let mut work = vec![(0u32, false)];
-        while let Some((node, is_known)) = work.pop() {
-            let n = &binary.nodes[node as usize];
-            let first = n.first_index;
-            if n.is_leaf() {
-                let count = |&p: &u32| self.primitives.triangles(p).len() as u32;
-                counts[node as usize] = primitives_of(binary, n).iter().map(count).sum();
-            } else if is_known {
-                counts[node as usize] = counts[first as usize] + counts[first as usize + 1];
-            } else {
-                work.extend([(node, true), (first, false), (first + 1, false)]);
-            }
-        }
-        counts
     }
 
     /// Adds an 8-ary tree over `triangles` in their order, of logarithmic depth wherever they are, and returns the link to it.
@@ -262,28 +248,4 @@ fn primitives_below(binary: &Bvh2, node: u32) -> Vec<u32> {
         }
     }
     primitives
-}
-
-/// Up to eight binary nodes that together cover `node`: the largest that no block holds is opened until none fits.
-/// `counts` are the triangles below each node.
-fn widest(binary: &Bvh2, counts: &[u32], node: u32) -> Vec<u32> {
-    let mut members = vec![node];
-    while members.len() < WIDTH {
-        let node = |m: u32| &binary.nodes[m as usize];
-        let Some((slot, &open)) = members
-            .iter()
-            .enumerate()
-            .filter(|(_, m)| counts[**m as usize] as usize > BLOCK && !node(**m).is_leaf())
-            .max_by(|a, b| {
-                let area = |m| node(m).aabb().half_area();
-                area(*a.1).total_cmp(&area(*b.1))
-            })
-        else {
-            break;
-        };
-        let first = node(open).first_index;
-        members[slot] = first;
-        members.push(first + 1);
-    }
-    members
 }

@@ -43,6 +43,16 @@ pub(crate) struct NodeRay {
     pub(crate) inverse: Vec3,
 }
 
+/// A ray prepared for box tests whose answer it waits for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OrderedRay {
+    pub(crate) ray: NodeRay,
+    /// The reciprocal direction, longer by [`FAR_SLACK`].
+    pub(crate) inverse_far: Vec3,
+    /// For each axis the row of bounds that the ray comes to first, and the other.
+    pub(crate) rows: [[u8; 2]; 3],
+}
+
 /// Widens the far end of the slabs by 4 ulp, so that rounding never loses a box that the ray enters
 /// (Ize 2013, "Robust BVH Ray Traversal").
 pub(crate) const FAR_SLACK: f32 = 1.000_000_5;
@@ -57,6 +67,23 @@ impl NodeRay {
             Vec3::splat(1e30).copysign(direction),
         );
         Self { origin, inverse }
+    }
+}
+
+impl OrderedRay {
+    #[inline(always)]
+    pub(crate) fn of(origin: Vec3, direction: Vec3) -> Self {
+        let ray = NodeRay::of(origin, direction);
+        let is_backward = ray.inverse.cmplt(Vec3::ZERO);
+        let rows = [0, 1, 2].map(|axis| match is_backward.test(axis.into()) {
+            true => [axis + 3, axis],
+            false => [axis, axis + 3],
+        });
+        Self {
+            ray,
+            inverse_far: ray.inverse * FAR_SLACK,
+            rows,
+        }
     }
 }
 

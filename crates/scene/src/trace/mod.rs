@@ -7,6 +7,7 @@
 mod build;
 mod bvh8;
 mod cutout;
+mod forest;
 mod occlusion;
 mod single;
 mod triangle;

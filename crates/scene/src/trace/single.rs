@@ -1,6 +1,6 @@
 //! One ray at a time.
 
-use super::bvh8::{self, NodeRay};
+use super::bvh8::{self, OrderedRay};
 use super::triangle::{TriangleBlock, TriangleHit, WatertightRay};
 use super::width::{Four, Width};
 use super::{Hit, Ray, Tracer};
@@ -33,19 +33,48 @@ impl Tracer {
     pub(super) fn closest_with<W: Width>(&self, width: W, ray: &Ray) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max.min(f32::MAX);
-        let query = NodeRay::of(ray.origin, ray.direction);
+        let query = OrderedRay::of(ray.origin, ray.direction);
         let watertight = WatertightRay::of(ray);
-        // Links, and the distances at which they are entered; the nearest is on top.
+        // Links that were left aside, and the distances at which they are entered; the nearest is on top.
         let mut stack = [0u32; bvh8::STACK];
         let mut entries = [0.0f32; bvh8::STACK];
-        let mut top = 1;
-        while top > 0 {
-            top -= 1;
-            let (link, entry) = (stack[top], entries[top]);
-            if entry > t_max {
-                continue;
-            }
-            if !bvh8::is_inner(link) {
+        let (mut top, mut link) = (0, 0);
+        loop {
+            if bvh8::is_inner(link) {
+                let node = &self.bvh.nodes[link as usize];
+                let mut near = [0.0; bvh8::WIDTH];
+                let mask = width.meet_ordered(node, &query, t_max, &mut near);
+                let mut children = bits(mask);
+                if let Some(first) = children.next() {
+                    link = node.links[first];
+                    let Some(second) = children.next() else {
+                        continue;
+                    };
+                    if children.next().is_none() {
+                        let (mut aside, mut entry) = (node.links[second], near[second]);
+                        if near[second] < near[first] {
+                            (link, aside) = (aside, link);
+                            entry = near[first];
+                        }
+                        (stack[top], entries[top]) = (aside, entry);
+                        top += 1;
+                        continue;
+                    }
+                    let bottom = top;
+                    for k in bits(mask) {
+                        let mut at = top;
+                        while at > bottom && entries[at - 1] < near[k] {
+                            (stack[at], entries[at]) = (stack[at - 1], entries[at - 1]);
+                            at -= 1;
+                        }
+                        (stack[at], entries[at]) = (node.links[k], near[k]);
+                        top += 1;
+                    }
+                    top -= 1;
+                    link = stack[top];
+                    continue;
+                }
+            } else {
                 let block = &self.bvh.blocks[bvh8::index_of(link)];
                 let hits = block.intersect(&watertight, t_max);
                 for k in bits(hits.mask) {
@@ -60,23 +89,18 @@ impl Tracer {
                         });
                     }
                 }
-                continue;
             }
-            let node = &self.bvh.nodes[link as usize];
-            let mut near = [0.0; bvh8::WIDTH];
-            let mask = width.meet(node, &query, t_max, &mut near);
-            let first = top;
-            for k in bits(mask) {
-                let mut at = top;
-                while at > first && entries[at - 1] < near[k] {
-                    (stack[at], entries[at]) = (stack[at - 1], entries[at - 1]);
-                    at -= 1;
+            loop {
+                if top == 0 {
+                    return best;
                 }
-                (stack[at], entries[at]) = (node.links[k], near[k]);
-                top += 1;
+                top -= 1;
+                if entries[top] <= t_max {
+                    break;
+                }
             }
+            link = stack[top];
         }
-        best
     }
 
     /// Whether anything lies on the ray. [`occluded`](Self::occluded) answers many rays sooner.
@@ -104,7 +128,7 @@ impl Tracer {
 
     #[inline(always)]
     pub(super) fn is_occluded_with<W: Width>(&self, width: W, ray: &Ray) -> bool {
-        let query = NodeRay::of(ray.origin, ray.direction);
+        let query = OrderedRay::of(ray.origin, ray.direction);
         let watertight = WatertightRay::of(ray);
         let t_max = ray.t_max.min(f32::MAX);
         let mut stack = [0u32; bvh8::STACK];
@@ -119,7 +143,7 @@ impl Tracer {
                 continue;
             }
             let node = &self.bvh.nodes[link as usize];
-            let mask = width.meet(node, &query, t_max, &mut [0.0; bvh8::WIDTH]);
+            let mask = width.meet_ordered(node, &query, t_max, &mut [0.0; bvh8::WIDTH]);
             top = width.push(node, mask, &mut stack, top);
         }
         false

@@ -375,6 +375,17 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
     assert_eq!(lost, 0, "of {} triangles", found.len());
 }
 
+/// Opening the largest nodes first left 4.4 of eight.
+#[test]
+fn nodes_are_filled() {
+    let scene = crate::load::load(NAVE.as_ref()).expect("is built in");
+    let nodes = Tracer::build(&scene).bvh.nodes;
+    let used = |node: &bvh8::Node8| node.bounds[0].iter().filter(|x| x.is_finite()).count();
+    let children: usize = nodes.iter().map(used).sum();
+    let mean = children as f64 / nodes.len() as f64;
+    assert!(mean > 5.5, "{mean} children a node");
+}
+
 /// The builder joins neighbours, which takes quadratic time where each triangle's box holds the next one's: hours for these.
 #[test]
 fn a_pile_of_triangles_is_one_primitive_to_the_builder() {

@@ -2,15 +2,18 @@
 //!
 //! Both forms do the same arithmetic in the same order, without fused multiplication: answers are the same to the bit.
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
-use super::bvh8::{FAR_SLACK, Lanes, Node8, NodeRay, Stack, WIDTH};
+use super::bvh8::{FAR_SLACK, Lanes, Node8, NodeRay, OrderedRay, Stack, WIDTH};
 
 /// How wide the processor's vectors are. A traversal is compiled once for each.
 pub(crate) trait Width: Copy {
     /// The children that the ray meets before `t_max`, which is finite, bit by bit, and how far away; what `near` holds
     /// for others means nothing.
     fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32;
+
+    /// The same with fewer steps one after another, and some work once a ray: for a ray that waits for the answer.
+    fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32;
 
     /// Puts the links of the children in `mask` on the stack, in their order, and returns its new height.
     fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize;
@@ -61,6 +64,27 @@ impl Width for Four {
     }
 
     #[inline(always)]
+    fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32 {
+        let mut mask = 0;
+        for half in 0..2 {
+            let plane = |axis: usize, side: usize, inverse: Vec3| {
+                let row = &node.bounds[ray.rows[axis][side] as usize];
+                let row = Vec4::from_slice(&row[4 * half..]);
+                (row - Vec4::splat(ray.ray.origin[axis])) * Vec4::splat(inverse[axis])
+            };
+            let near_plane = |axis| plane(axis, 0, ray.ray.inverse);
+            let far_plane = |axis| plane(axis, 1, ray.inverse_far);
+            let from = near_plane(0).max(near_plane(1));
+            let from = from.max(near_plane(2).max(Vec4::ZERO));
+            let to = far_plane(0).min(far_plane(1));
+            let to = to.min(far_plane(2).min(Vec4::splat(t_max)));
+            from.write_to_slice(&mut near[4 * half..]);
+            mask |= from.cmple(to).bitmask() << (4 * half);
+        }
+        mask
+    }
+
+    #[inline(always)]
     fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize {
         let order = &BITS[mask as usize & 255];
         // All eight are written, whatever the mask: no branch to mispredict.
@@ -83,7 +107,9 @@ mod eight {
 
     use std::arch::x86_64::*;
 
-    use super::{BITS, FAR_SLACK, Lanes, Node8, NodeRay, Stack, WIDTH, Width};
+    use glam::Vec3;
+
+    use super::{BITS, FAR_SLACK, Lanes, Node8, NodeRay, OrderedRay, Stack, WIDTH, Width};
 
     /// AVX2: vectors of eight. A value of it is the proof that the processor has it.
     #[derive(Debug, Clone, Copy)]
@@ -118,6 +144,27 @@ mod eight {
                 }
                 let to = _mm256_mul_ps(to, _mm256_set1_ps(FAR_SLACK));
                 let to = _mm256_min_ps(to, _mm256_set1_ps(t_max));
+                _mm256_storeu_ps(near.as_mut_ptr(), from);
+                _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
+            }
+        }
+
+        #[inline(always)]
+        fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32 {
+            // SAFETY: as in `meet`.
+            unsafe {
+                let plane = |axis: usize, side: usize, inverse: Vec3| {
+                    let row = &node.bounds[ray.rows[axis][side] as usize];
+                    let origin = _mm256_set1_ps(ray.ray.origin[axis]);
+                    let way = _mm256_sub_ps(_mm256_load_ps(row.as_ptr()), origin);
+                    _mm256_mul_ps(way, _mm256_set1_ps(inverse[axis]))
+                };
+                let near_plane = |axis| plane(axis, 0, ray.ray.inverse);
+                let far_plane = |axis| plane(axis, 1, ray.inverse_far);
+                let from = _mm256_max_ps(near_plane(0), near_plane(1));
+                let from = _mm256_max_ps(from, _mm256_max_ps(near_plane(2), _mm256_setzero_ps()));
+                let to = _mm256_min_ps(far_plane(0), far_plane(1));
+                let to = _mm256_min_ps(to, _mm256_min_ps(far_plane(2), _mm256_set1_ps(t_max)));
                 _mm256_storeu_ps(near.as_mut_ptr(), from);
                 _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
             }
