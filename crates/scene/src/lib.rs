@@ -37,6 +37,7 @@ pub mod load;
 mod material;
 mod mesh;
 mod surface;
+mod tagged;
 mod texture;
 pub mod trace;
 mod view;

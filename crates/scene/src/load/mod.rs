@@ -120,24 +120,31 @@ pub fn load_within(path: &Path, fits: Fits<'_>) -> Result<Scene, SceneError> {
                        (origin: (x, y, z), target: (x, y, z), up: (0, 1, 0), fov_y_deg: 60.0)";
         here.error("camera", message)
     })?;
-    let wanted = parts.textures.all();
-    texture::refuse_too_large(wanted, fits).map_err(|message| SceneError::file(&shown, message))?;
-    let textures: Vec<_> = wanted.par_iter().map(texture::Wanted::load).collect();
-    let textures: Vec<Texture> = textures.into_iter().collect::<Result<_, _>>()?;
-
+    texture::refuse_too_large(parts.textures.all(), fits)
+        .map_err(|message| SceneError::file(&shown, message))?;
     let Parts {
         mut mesh,
         mut materials,
         mut notes,
         alpha_maps,
+        textures,
         ..
     } = parts;
+    let load_all = || -> Vec<_> {
+        textures
+            .all()
+            .par_iter()
+            .map(texture::Wanted::load)
+            .collect()
+    };
+    let (textures, ()) = rayon::join(load_all, || weed::weed(&mut mesh, &mut notes));
+    let textures: Vec<Texture> = textures.into_iter().collect::<Result<_, _>>()?;
+
     for material in alpha_maps {
         let map = &mut materials[material].opacity_map;
         *map = map.filter(|map| textures[map.0 as usize].has_alpha);
     }
     drop_height_maps(&mut materials, &textures, &mut notes);
-    weed::weed(&mut mesh, &mut notes);
     if mesh.is_empty() {
         let message = "the scene has no triangles: every picture of it is black";
         notes.remarks.push(message.to_owned());

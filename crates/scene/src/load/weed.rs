@@ -1,7 +1,9 @@
 //! Triangles that cannot be rendered, or only cost time, are taken out.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
+use crate::tagged::Tagged;
 use crate::{ABSENT, LoadNotes, Mesh};
 
 /// A triangle lower than this part of its longest edge has no area: `f32` cannot tell its normal.
@@ -60,19 +62,19 @@ fn is_flat(corners: [Vec3; 3]) -> bool {
 /// Marks triangles whose three positions an earlier triangle has, in whatever order.
 fn repeats(mesh: &Mesh, skip: &[bool]) -> Vec<bool> {
     let names = same_positions(&mesh.positions);
-    let mut triangles: Vec<([u32; 3], u32)> = Vec::with_capacity(mesh.len());
+    let mut triangles: Vec<Tagged> = Vec::with_capacity(mesh.len());
     for (t, corners) in (0u32..).zip(&mesh.indices) {
         if !skip[t as usize] {
             let mut key = corners.map(|i| names[i as usize]);
             key.sort_unstable();
-            triangles.push((key, t));
+            triangles.push(Tagged::new(key, t));
         }
     }
-    triangles.sort_unstable();
+    triangles.par_sort_unstable();
     let mut repeated = vec![false; mesh.len()];
     for pair in triangles.windows(2) {
-        if pair[0].0 == pair[1].0 {
-            repeated[pair[1].1 as usize] = true;
+        if pair[0].key() == pair[1].key() {
+            repeated[pair[1].tag() as usize] = true;
         }
     }
     repeated
@@ -82,17 +84,14 @@ fn repeats(mesh: &Mesh, skip: &[bool]) -> Vec<bool> {
 fn same_positions(positions: &[Vec3]) -> Vec<u32> {
     // Adding zero makes −0 into 0.
     let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
-    let mut order: Vec<([u32; 3], u32)> = positions.iter().map(|&p| bits(p)).zip(0..).collect();
-    order.sort_unstable();
+    let tagged = |(&p, vertex): (&Vec3, u32)| Tagged::new(bits(p), vertex);
+    let mut order: Vec<Tagged> = positions.iter().zip(0..).map(tagged).collect();
+    order.par_sort_unstable();
     let mut names = vec![0; positions.len()];
-    let mut name = 0;
-    let mut last = None;
-    for (position, vertex) in order {
-        if last != Some(position) {
-            last = Some(position);
-            name = vertex;
+    for same in order.chunk_by(|a, b| a.key() == b.key()) {
+        for vertex in same {
+            names[vertex.tag() as usize] = same[0].tag();
         }
-        names[vertex as usize] = name;
     }
     names
 }

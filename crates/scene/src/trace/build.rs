@@ -15,6 +15,7 @@ use super::cutout::Cutouts;
 use super::forest::Forests;
 use super::triangle::{BLOCK, TriangleBlock};
 use crate::Mesh;
+use crate::tagged::Tagged;
 
 /// Levels that are taken from the binary tree.
 const COLLAPSED_LEVELS: usize = 40;
@@ -45,8 +46,7 @@ impl Bvh8 {
         };
         let boxes = build.boxes();
         let params = BvhBuildParams {
-            // Which triangles share a block is decided together with which nodes share a wide one.
-            max_prims_per_leaf: 1,
+            max_prims_per_leaf: BLOCK as u32,
             ..BvhBuildParams::medium_build()
         };
         let binary = on_a_deep_stack(|| build_bvh2(&boxes, params, &mut Duration::default()));
@@ -89,7 +89,7 @@ pub(super) struct Primitives {
 impl Primitives {
     pub(super) fn of(mesh: &Mesh, triangles: Vec<u32>) -> Self {
         let centres: Vec<Vec3A> = triangles
-            .iter()
+            .par_iter()
             .map(|&t| bounds(mesh, t).center())
             .collect();
         let nothing = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -98,15 +98,15 @@ impl Primitives {
             .fold(nothing, |(lo, hi), &c| (lo.min(c), hi.max(c)));
         let scale = PARTS / (hi - lo).max(Vec3A::splat(f32::MIN_POSITIVE));
         let part = |centre: Vec3A| ((centre - lo) * scale).as_uvec3().to_array();
-        let mut sorted: Vec<([u32; 3], u32)> =
-            centres.into_iter().map(part).zip(triangles).collect();
+        let tagged = |(centre, triangle)| Tagged::new(part(centre), triangle);
+        let mut sorted: Vec<Tagged> = centres.into_iter().zip(triangles).map(tagged).collect();
         sorted.par_sort_unstable();
         let mut primitives = Self {
             triangles: Vec::with_capacity(sorted.len()),
             starts: Vec::with_capacity(sorted.len() + 1),
         };
-        for pile in sorted.chunk_by(|a, b| a.0 == b.0) {
-            for (i, &(_, triangle)) in pile.iter().enumerate() {
+        for pile in sorted.chunk_by(|a, b| a.key() == b.key()) {
+            for (i, triangle) in pile.iter().map(|t| t.tag()).enumerate() {
                 if i == 0 || pile.len() <= PILE {
                     primitives.starts.push(primitives.triangles.len() as u32);
                 }
@@ -145,6 +145,7 @@ struct Build<'a> {
 impl Build<'_> {
     fn boxes(&self) -> Vec<Aabb> {
         (0..self.primitives.len() as u32)
+            .into_par_iter()
             .map(|p| self.bounds(self.primitives.triangles(p)))
             .collect()
     }
