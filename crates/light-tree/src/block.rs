@@ -35,6 +35,12 @@ impl Cluster {
         (self.0 & LIGHT != 0).then_some(LightId(self.0 & !LIGHT))
     }
 
+    /// Whether there is none.
+    #[inline]
+    pub(crate) fn is_unused(self) -> bool {
+        self.0 == UNUSED
+    }
+
     /// The block that holds its children, where it is not a light alone.
     #[inline]
     pub(crate) fn block(self) -> Option<usize> {
@@ -51,7 +57,7 @@ pub(crate) struct Block {
     /// Emission axis, or travel direction, and the cosine of the cone about it.
     pub(crate) axis: [Lanes; 3],
     pub(crate) cos: Lanes,
-    /// ‖I‖. With the next all that is read of a block that is far off: one line of the cache.
+    /// ‖I‖.
     pub(crate) intensity: Lanes,
     pub(crate) clusters: [Cluster; WIDTH],
     /// Greatest radius of the spheres.
@@ -76,7 +82,7 @@ impl Block {
 
     /// Number of clusters.
     pub(crate) fn len(&self) -> usize {
-        self.clusters.iter().filter(|c| c.0 != UNUSED).count()
+        self.clusters.iter().filter(|c| !c.is_unused()).count()
     }
 
     /// Copies cluster `from` of `other` to place `to`.
@@ -93,10 +99,11 @@ impl Block {
         self.clusters[to] = other.clusters[from];
     }
 
+    /// Of one direction a cone that has room for what packing turned it by.
     fn cone(&self, lane: usize) -> Cone {
         Cone {
             axis: glam::Vec3::new(self.axis[0][lane], self.axis[1][lane], self.axis[2][lane]),
-            cos: self.cos[lane],
+            cos: self.cos[lane].min(1.0 - 2.0 * f32::EPSILON),
         }
     }
 }

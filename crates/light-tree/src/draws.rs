@@ -221,7 +221,7 @@ impl Draws {
             if let Some((lane, w, u)) = picked {
                 let row = self.rows[block];
                 self.picks.push(Pick {
-                    cluster: cut.block(tree, row).clusters[lane],
+                    cluster: cut.clusters(tree, row)[lane],
                     of: row.cluster(lane),
                     is_far: false,
                     expected: w / step,
@@ -252,8 +252,8 @@ fn take_certain<'a>(
         if weights.iter().all(|&w| f64::from(w) < bar) {
             continue;
         }
-        let block = cut.block(tree, *row);
-        for (lane, (w, cluster)) in weights.iter_mut().zip(block.clusters).enumerate() {
+        let clusters = cut.clusters(tree, *row);
+        for (lane, (w, cluster)) in weights.iter_mut().zip(clusters).enumerate() {
             if f64::from(*w) >= bar
                 && let Some(light) = cluster.light()
             {

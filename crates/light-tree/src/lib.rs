@@ -15,6 +15,7 @@ mod lights;
 mod lobe;
 mod opening;
 mod order;
+mod packed;
 mod prefetch;
 mod region;
 mod representative;

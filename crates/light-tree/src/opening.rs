@@ -4,7 +4,7 @@
 //! narrower than the box, most of the light may come from a few of the cluster's lights, a hundred times what it is expected to
 //! be. Such clusters are taken apart for that point alone, and what it draws begins further down.
 
-use crate::block::{Block, Lanes, Seen, WIDTH, Weighed};
+use crate::block::{Cluster, Lanes, Seen, WIDTH, Weighed};
 use crate::bounds::Receiver;
 use crate::draws::Draws;
 use crate::shared_cut::SharedCut;
@@ -149,10 +149,10 @@ impl SharedCut {
     }
 
     /// The clusters of a row.
-    pub(crate) fn block<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a Block {
+    pub(crate) fn clusters<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a [Cluster; WIDTH] {
         match row.tree_block() {
-            None => &self.blocks[row.block as usize],
-            Some(block) => &tree.blocks[block],
+            None => &self.blocks[row.block as usize].clusters,
+            Some(block) => &tree.blocks[block].clusters,
         }
     }
 }
@@ -201,7 +201,7 @@ impl WideTree {
                 peaks: draws.peaks[b],
                 swings: draws.swings[b],
             };
-            opening.push(Row::of_cut(b), &cut.blocks[b], weighed, bar);
+            opening.push(Row::of_cut(b), &cut.blocks[b].clusters, weighed, bar);
             while let Some(row) = opening.stack.pop() {
                 let Some(block) = row.tree_block() else {
                     continue;
@@ -216,7 +216,7 @@ impl WideTree {
                         weighed.peaks[lane] *= factor;
                     }
                 }
-                opening.push(row, &self.blocks[block], weighed, bar);
+                opening.push(row, &self.blocks[block].clusters, weighed, bar);
             }
         }
         draws.near = opening.near.len();
@@ -232,7 +232,7 @@ impl WideTree {
 impl Opening {
     /// Adds a row, without its clusters above the bar: what they hold is added next.
     #[inline(always)]
-    fn push(&mut self, row: Row, block: &Block, weighed: Weighed, bar: Bar) {
+    fn push(&mut self, row: Row, clusters: &[Cluster; WIDTH], weighed: Weighed, bar: Bar) {
         let Weighed {
             mut weights,
             peaks,
@@ -245,7 +245,7 @@ impl Opening {
         if any {
             for lane in (0..WIDTH).rev() {
                 if (peaks[lane] > bar.peak || weights[lane] > bar.weight)
-                    && let Some(child) = block.clusters[lane].block()
+                    && let Some(child) = clusters[lane].block()
                     && self.left > 0
                 {
                     self.left -= 1;
@@ -275,7 +275,6 @@ mod tests {
     use sampling::{Purpose, Rng, ggx_density};
 
     use super::*;
-    use crate::block::Cluster;
     use crate::lobe::Lobe;
     use crate::test_lights::{
         any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
@@ -314,17 +313,17 @@ mod tests {
             let rows: Vec<_> = draws
                 .rows
                 .iter()
-                .map(|&row| cut.block(&tree, row))
+                .map(|&row| cut.clusters(&tree, row))
                 .collect();
             // What was opened stands in a row of its own.
             let is_opened = |cluster: &&Cluster| {
-                let child = cluster.block().map(|block| &tree.blocks[block]);
+                let child = cluster.block().map(|block| &tree.blocks[block].clusters);
                 child.is_some_and(|child| rows.iter().any(|&row| std::ptr::eq(row, child)))
             };
             let mut seen = vec![0; lights.len()];
-            for (row, block) in draws.rows.iter().zip(&rows) {
-                let clusters = block.clusters[..block.len()].iter().enumerate();
-                for (lane, cluster) in clusters.filter(|(_, cluster)| !is_opened(cluster)) {
+            for (row, clusters) in draws.rows.iter().zip(&rows) {
+                let used = clusters.iter().enumerate().filter(|(_, c)| !c.is_unused());
+                for (lane, cluster) in used.filter(|(_, cluster)| !is_opened(cluster)) {
                     let all = tree.lights_below(cut.cluster(row.cluster(lane) as usize));
                     for light in tree.lights_below(*cluster) {
                         assert!(all.contains(&light), "of another cluster of the cut");

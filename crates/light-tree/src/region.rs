@@ -73,7 +73,7 @@ mod tests {
         cut.weigh_near(tree, at, draws);
         let rows = draws.rows.iter().zip(&draws.left);
         let lanes = rows.flat_map(|(row, weights)| {
-            let clusters = cut.block(tree, *row).clusters;
+            let clusters = *cut.clusters(tree, *row);
             clusters.into_iter().zip(*weights)
         });
         lanes.filter(|(_, weight)| *weight > 0.0).collect()
@@ -220,7 +220,7 @@ mod tests {
             let shared = weighed(&cut, &tree, &x, &mut draws);
             // Of all, for this point alone.
             let mut own = Draws::default();
-            tree.weigh_all(&tree.blocks, &x, &mut own);
+            tree.weigh_all(&tree.unpacked(), &x, &mut own);
             let mut near = 0;
             for (block, weights) in tree.blocks.iter().zip(&own.weights) {
                 for (cluster, own) in block.clusters.iter().zip(weights) {

@@ -124,7 +124,7 @@ impl SharedCut {
                 }
             }
             if let Some(last) = blocks.last_mut() {
-                last.take(to, &tree.blocks[block], from);
+                last.take(to, &tree.blocks[block].block(), from);
             }
             if let Some(last) = parallel.last_mut() {
                 last[to] = tree.parallel[block][from];

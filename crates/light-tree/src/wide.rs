@@ -7,6 +7,7 @@ use crate::draws::{Drawn, Draws, Pick};
 use crate::light::LightId;
 use crate::light::LightKind;
 use crate::lights::LightSet;
+use crate::packed::PackedBlock;
 use crate::prefetch::prefetch;
 use crate::region::Region;
 use crate::select::BELOW_ONE;
@@ -34,7 +35,7 @@ pub(crate) use by_width;
 #[derive(Debug, Clone)]
 pub struct WideTree {
     /// The root is the first.
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<PackedBlock>,
     /// ‖Iᴰ‖ of each block's clusters; empty when there is none.
     pub(crate) parallel: Vec<Lanes>,
     pub(crate) oriented: bool,
@@ -107,16 +108,15 @@ impl WideTree {
                     block.near2[lane] = LEAST_DIST2;
                 }
                 parallel[lane] = tree.directional_intensity(member) * share / (scale * scale);
-                if let Some(light) = node.light() {
-                    block.clusters[lane] = Cluster::of_light(light);
-                }
+                // Which block holds an inner node's children is known when that is added.
+                block.clusters[lane] = node.light().map_or(Cluster(0), Cluster::of_light);
             }
             for (lane, &member) in members.iter().enumerate().rev() {
                 if tree.node(member).light().is_none() {
                     work.push((member, Some((index, lane)), depth + 1));
                 }
             }
-            wide.blocks.push(block);
+            wide.blocks.push(PackedBlock::of(&block));
             if !tree.directional.is_empty() {
                 wide.parallel.push(parallel);
             }
@@ -127,7 +127,7 @@ impl WideTree {
 
     /// Number of nodes, the root and the lights among them.
     pub fn node_count(&self) -> usize {
-        1 + self.blocks.iter().map(Block::len).sum::<usize>()
+        1 + self.blocks.iter().map(PackedBlock::len).sum::<usize>()
     }
 
     /// Most edges from the root to a light.
@@ -135,9 +135,20 @@ impl WideTree {
         self.depth
     }
 
+    #[cfg(test)]
+    pub(crate) fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// All blocks, unpacked.
+    #[cfg(test)]
+    pub(crate) fn unpacked(&self) -> Vec<Block> {
+        self.blocks.iter().map(PackedBlock::block).collect()
+    }
+
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
-        self.blocks.len() * size_of::<Block>() + self.parallel.len() * size_of::<Lanes>()
+        self.blocks.len() * size_of::<PackedBlock>() + self.parallel.len() * size_of::<Lanes>()
     }
 
     pub(crate) fn seen(&self, receiver: &Receiver) -> Seen {
@@ -341,9 +352,13 @@ impl WideTree {
 
     /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
     pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut bounds = self.weigh::<true, false>(&self.blocks[block], seen).weights;
+        let mut bounds = self
+            .weigh::<true, false>(&self.blocks[block].block(), seen)
+            .weights;
         if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block].add_parallel(receiver, parallel, &mut bounds);
+            self.blocks[block]
+                .block()
+                .add_parallel(receiver, parallel, &mut bounds);
         }
         bounds
     }
@@ -367,17 +382,17 @@ impl WideTree {
             return false;
         }
         let block = &self.blocks[block];
-        if self.oriented && block.cos[lane] < ALIKE {
+        if self.oriented && block.cos(lane) < ALIKE {
             return false;
         }
         let (mut centre2, mut half2) = (0.0, 0.0);
         for axis in 0..3 {
-            let (lo, hi) = (block.lo[axis][lane], block.hi[axis][lane]);
+            let (lo, hi) = block.extent(axis, lane);
             let (c, h) = (0.5 * (lo + hi) - seen.position[axis], 0.5 * (hi - lo));
             centre2 += c * c;
             half2 += h * h;
         }
-        let radius = block.radius[lane];
+        let radius = block.radius();
         let width2 = seen.lobe.as_ref().map_or(1.0, |lobe| lobe.alpha2);
         half2 + radius * radius < FAR2 * width2 * centre2
     }
@@ -390,9 +405,11 @@ impl WideTree {
         receiver: &Receiver,
         seen: &Seen,
     ) -> Weighed {
-        let mut weighed = self.weigh::<false, REGION>(&self.blocks[block], seen);
+        let mut weighed = self.weigh::<false, REGION>(&self.blocks[block].block(), seen);
         if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block].add_parallel(receiver, parallel, &mut weighed.weights);
+            self.blocks[block]
+                .block()
+                .add_parallel(receiver, parallel, &mut weighed.weights);
         }
         weighed
     }
@@ -644,9 +661,9 @@ mod tests {
     fn blocks_are_nearly_full() {
         let lights = lights_on_walls(20_000);
         let tree = wide(&lights).expect("has lights");
-        // 64 at best, and 138 where the brightest is always opened first.
+        // 32 at best, and 69 where the brightest is always opened first.
         let each = tree.bytes() / lights.len();
-        assert!(each < 110, "{each} bytes a light");
+        assert!(each < 55, "{each} bytes a light");
     }
 
     #[test]
@@ -664,8 +681,8 @@ mod tests {
             };
             for x in [receiver(at), receiver(at).with_region(region)] {
                 let (mut fast, mut plain) = (Draws::default(), Draws::default());
-                tree.weigh_all(&tree.blocks, &x, &mut fast);
-                tree.weigh_all_with(&tree.blocks, &tree.seen(&x), &mut plain);
+                tree.weigh_all(&tree.unpacked(), &x, &mut fast);
+                tree.weigh_all_with(&tree.unpacked(), &tree.seen(&x), &mut plain);
                 let bits = |all: &[Lanes]| -> Vec<u32> {
                     all.iter().flatten().map(|w| w.to_bits()).collect()
                 };
@@ -706,7 +723,7 @@ mod tests {
                 tilt: 0.1,
             });
             let mut draws = Draws::default();
-            tree.weigh_all(&tree.blocks, &at, &mut draws);
+            tree.weigh_all(&tree.unpacked(), &at, &mut draws);
             (draws.weights, draws.peaks, draws.swings)
         };
         for k in [-30, -7, 9, 30] {

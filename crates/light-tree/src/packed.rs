@@ -1,0 +1,266 @@
+//! Eight clusters in half the memory: most of a tree is read once and far away.
+
+use crate::block::{Block, Cluster, Lanes, WIDTH};
+
+/// A [`Block`] in four lines of the cache. What it unpacks to holds what was packed: boxes and cones are as wide or wider,
+/// radii and least distances as large or larger.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub(crate) struct PackedBlock {
+    /// As [`Block::intensity`], and with the next all that is read of a block that is far off.
+    pub(crate) intensity: Lanes,
+    pub(crate) clusters: [Cluster; WIDTH],
+    /// In steps from the block's least corner.
+    lo: [[u16; WIDTH]; 3],
+    hi: [[u16; WIDTH]; 3],
+    /// In parts of [`AXIS`].
+    axis: [[i16; WIDTH]; 3],
+    /// The upper halves of floating-point numbers.
+    near2: [u16; WIDTH],
+    /// In 255 parts, from −1 to 1.
+    cos: [u8; WIDTH],
+    /// The greatest of all.
+    radius: f32,
+    corner: [f32; 3],
+    /// Powers of two that the steps are.
+    exponents: [i8; 3],
+}
+
+/// So many parts are a length of 1.
+const AXIS: f32 = 32767.0;
+/// By how much the cosine of an angle changes where its axis turns by what rounding to these parts does, and more.
+const TURNED: f32 = 5e-5;
+
+impl PackedBlock {
+    pub(crate) fn of(block: &Block) -> Self {
+        let used = 0..block.len();
+        let mut packed = Self {
+            intensity: block.intensity,
+            clusters: block.clusters,
+            lo: [[0; WIDTH]; 3],
+            hi: [[0; WIDTH]; 3],
+            axis: [[0; WIDTH]; 3],
+            near2: block.near2.map(upper_half),
+            cos: block.cos.map(parts_of_cosine),
+            radius: used.clone().fold(0.0, |most, k| block.radius[k].max(most)),
+            corner: [0.0; 3],
+            exponents: [0; 3],
+        };
+        for axis in 0..3 {
+            let (lo, hi) = (&block.lo[axis], &block.hi[axis]);
+            let least = used
+                .clone()
+                .fold(f32::INFINITY, |least, k| lo[k].min(least));
+            let most = used
+                .clone()
+                .fold(f32::NEG_INFINITY, |most, k| hi[k].max(most));
+            if least <= most {
+                packed.corner[axis] = least;
+                packed.exponents[axis] = exponent(least, most);
+            }
+            for k in used.clone() {
+                (packed.lo[axis][k], packed.hi[axis][k]) = packed.span(axis, lo[k], hi[k]);
+                packed.axis[axis][k] = (block.axis[axis][k] * AXIS).round() as i16;
+            }
+        }
+        packed
+    }
+
+    /// The steps between which `lo` to `hi` lies.
+    fn span(&self, axis: usize, lo: f32, hi: f32) -> (u16, u16) {
+        let steps =
+            |x: f32| (f64::from(x) - f64::from(self.corner[axis])) / f64::from(self.step(axis));
+        let (mut from, mut to) = (steps(lo).floor() as u16, steps(hi).ceil() as u16);
+        // Unpacking rounds.
+        while from > 0 && self.unpack(axis, from) > lo {
+            from -= 1;
+        }
+        while to < u16::MAX && self.unpack(axis, to) < hi {
+            to += 1;
+        }
+        (from, to)
+    }
+
+    #[inline(always)]
+    fn step(&self, axis: usize) -> f32 {
+        f32::from_bits(((i32::from(self.exponents[axis]) + 127) as u32) << 23)
+    }
+
+    #[inline(always)]
+    fn unpack(&self, axis: usize, steps: u16) -> f32 {
+        self.corner[axis] + f32::from(steps) * self.step(axis)
+    }
+
+    /// Number of clusters.
+    pub(crate) fn len(&self) -> usize {
+        self.clusters.iter().filter(|c| !c.is_unused()).count()
+    }
+
+    /// Cosine of the cone of a cluster's axes.
+    #[inline(always)]
+    pub(crate) fn cos(&self, lane: usize) -> f32 {
+        cosine(self.cos[lane])
+    }
+
+    /// Least and greatest coordinate of a cluster.
+    #[inline(always)]
+    pub(crate) fn extent(&self, axis: usize, lane: usize) -> (f32, f32) {
+        let (lo, hi) = (self.lo[axis][lane], self.hi[axis][lane]);
+        (self.unpack(axis, lo), self.unpack(axis, hi))
+    }
+
+    /// Greatest radius of the spheres.
+    #[inline(always)]
+    pub(crate) fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// All of it.
+    #[inline(always)]
+    pub(crate) fn block(&self) -> Block {
+        let mut block = Block {
+            intensity: self.intensity,
+            clusters: self.clusters,
+            radius: [self.radius; WIDTH],
+            ..Block::EMPTY
+        };
+        for axis in 0..3 {
+            let (corner, step) = (self.corner[axis], self.step(axis));
+            for k in 0..WIDTH {
+                block.lo[axis][k] = corner + f32::from(self.lo[axis][k]) * step;
+                block.hi[axis][k] = corner + f32::from(self.hi[axis][k]) * step;
+                block.axis[axis][k] = f32::from(self.axis[axis][k]) * (1.0 / AXIS);
+            }
+        }
+        for k in 0..WIDTH {
+            block.near2[k] = f32::from_bits(u32::from(self.near2[k]) << 16);
+            block.cos[k] = cosine(self.cos[k]);
+        }
+        block
+    }
+}
+
+/// The least power of two by whose multiples from `least` on, of 16 bits, `most` is reached, and that is not lost in rounding.
+fn exponent(least: f32, most: f32) -> i8 {
+    let extent = f64::from(most) - f64::from(least);
+    let steps = f64::from(u16::MAX - 1);
+    let magnitude = f64::from(least.abs().max(most.abs()));
+    let step = (extent / steps).max(magnitude * f64::from(f32::EPSILON));
+    // Of 0 the logarithm is −∞.
+    step.log2().ceil().clamp(-126.0, 127.0) as i8
+}
+
+/// The upper half of a number ≥ 0, rounded up.
+fn upper_half(x: f32) -> u16 {
+    (x.to_bits().saturating_add(0xFFFF) >> 16) as u16
+}
+
+#[inline(always)]
+fn cosine(parts: u8) -> f32 {
+    (f32::from(parts) * 2.0 - 255.0) * (1.0 / 255.0)
+}
+
+/// Rounded down; a cone that is one direction stays one, as its users leave room for rounding.
+fn parts_of_cosine(cos: f32) -> u8 {
+    if cos >= 1.0 {
+        return u8::MAX;
+    }
+    let cos = cos - TURNED;
+    let mut parts = ((cos + 1.0) * 127.5).floor() as u8;
+    while parts > 0 && cosine(parts) > cos {
+        parts -= 1;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::{LightId, LightKind};
+    use crate::test_lights::{any_lights, wide};
+
+    #[test]
+    fn a_block_is_four_lines_of_the_cache() {
+        assert_eq!(size_of::<PackedBlock>(), 256);
+    }
+
+    #[test]
+    fn what_is_unpacked_holds_what_was_packed() {
+        verify::property(2000, |u| {
+            let lights = any_lights(u)?;
+            let Some(tree) = wide(&lights) else {
+                return Ok(());
+            };
+            for packed in &tree.blocks {
+                let block = packed.block();
+                for lane in 0..packed.len() {
+                    let below = tree.lights_below(packed.clusters[lane]);
+                    for axis in 0..3 {
+                        assert_eq!(
+                            packed.extent(axis, lane),
+                            (block.lo[axis][lane], block.hi[axis][lane])
+                        );
+                    }
+                    assert_eq!(packed.cos(lane), block.cos[lane]);
+                    // The middle of a triangle is rounded.
+                    let has_place = |l: &LightId| {
+                        let kind = lights.kind(*l);
+                        !kind.is_distant() && kind != LightKind::Triangle
+                    };
+                    for light in below.into_iter().filter(has_place) {
+                        let at = lights.position(light) * tree.scale();
+                        for axis in 0..3 {
+                            let (lo, hi) = packed.extent(axis, lane);
+                            assert!(lo <= at[axis] && at[axis] <= hi, "{at} not in {lo} to {hi}");
+                        }
+                    }
+                }
+            }
+            Ok(())
+        });
+    }
+
+    #[test]
+    fn cosines_are_rounded_down_and_the_ends_are_kept() {
+        assert_eq!([cosine(0), cosine(u8::MAX)], [-1.0, 1.0], "ends");
+        assert_eq!(
+            [parts_of_cosine(-1.0), parts_of_cosine(1.0)],
+            [0, u8::MAX],
+            "ends"
+        );
+        for i in -1000..1000 {
+            let cos = i as f32 / 1000.0;
+            let unpacked = cosine(parts_of_cosine(cos));
+            assert!(
+                unpacked <= cos - 0.5 * TURNED || unpacked == -1.0,
+                "{unpacked} of {cos}"
+            );
+            assert!(unpacked > cos - 0.009, "{unpacked} of {cos}");
+        }
+    }
+
+    #[test]
+    fn boxes_of_a_few_ulp_far_from_the_origin_are_packed() {
+        let mut block = Block::EMPTY;
+        let places = [1.0f32, 1.0f32.next_up(), 1.0f32.next_up().next_up(), -1.0];
+        for (k, x) in places.into_iter().enumerate() {
+            block.clusters[k] = Cluster::of_light(LightId(k as u32));
+            for axis in 0..3 {
+                (block.lo[axis][k], block.hi[axis][k]) = (x, x.next_up());
+            }
+        }
+        for used in [3, 4] {
+            let mut block = block.clone();
+            for k in used..4 {
+                block.clusters[k] = Block::EMPTY.clusters[k];
+            }
+            let packed = PackedBlock::of(&block);
+            for (k, place) in places.iter().enumerate().take(used) {
+                let (lo, hi) = packed.extent(0, k);
+                assert!(lo <= *place && place.next_up() <= hi, "{k} of {used}");
+                let wide = if used == 3 { 1e-6 } else { 1e-4 };
+                assert!(hi - lo < wide, "{} of {used}", hi - lo);
+            }
+        }
+    }
+}
