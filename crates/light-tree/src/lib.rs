@@ -10,6 +10,7 @@ mod draws;
 mod emission;
 mod energy_variance;
 mod error_bound;
+mod fill;
 mod light;
 mod lights;
 mod lobe;

@@ -1,0 +1,127 @@
+//! Which nodes of a binary tree share a block of eight: so that there are as few blocks as can be.
+//!
+//! A node that takes several places of a block rather than one spares blocks below: its own, and those of descendants that take
+//! places as well. How many it spares by how many places follows from the same numbers of its two children.
+
+use crate::block::WIDTH;
+use crate::tree::{LightTree, NodeId};
+
+/// Up to so many lights are put into as few blocks as can be.
+const FEW: u32 = 64;
+
+/// Blocks spared by 1 to 8 places rather than one, four bits each, the lowest first. A place more spares at most one.
+#[derive(Debug, Clone, Copy, Default)]
+struct Spared(u32);
+
+impl Spared {
+    fn by(self, places: usize) -> u32 {
+        self.0 >> (4 * (places - 1)) & 15
+    }
+
+    /// What two children spare together by `places` ≥ 2, divided as is best.
+    fn both(a: Self, b: Self, places: usize) -> u32 {
+        let all = (1..places).map(|first| a.by(first) + b.by(places - first));
+        all.max().unwrap_or(0)
+    }
+
+    /// Of a node with these children: all that they spare, and the node's own block, less what they spare in that.
+    fn of(a: Self, b: Self) -> Self {
+        let own = Self::both(a, b, WIDTH);
+        let all = (2..=WIDTH).map(|places| {
+            let spared = (Self::both(a, b, places) + 1).saturating_sub(own);
+            spared << (4 * (places - 1))
+        });
+        Self(all.sum())
+    }
+}
+
+/// What each node of a tree spares, and how many lights it has.
+pub(crate) struct Fill<'a> {
+    tree: &'a LightTree,
+    nodes: Vec<[(Spared, u32); 2]>,
+}
+
+impl<'a> Fill<'a> {
+    pub(crate) fn of(tree: &'a LightTree) -> Self {
+        let mut nodes = vec![[(Spared::default(), 1); 2]; tree.pairs.len()];
+        // Children lie behind their parents.
+        for pair in (0..tree.pairs.len()).rev() {
+            for side in 0..2 {
+                let node = &tree.pairs[pair].0[side];
+                if let Some(first) = node.first_child().filter(|first| first.0 > 0) {
+                    let [(a, lights_a), (b, lights_b)] = nodes[(first.0 >> 1) as usize];
+                    nodes[pair][side] = (Spared::of(a, b), lights_a + lights_b);
+                }
+            }
+        }
+        Self { tree, nodes }
+    }
+
+    fn node(&self, id: NodeId) -> (Spared, u32) {
+        self.nodes[(id.0 >> 1) as usize][(id.0 & 1) as usize]
+    }
+
+    /// Up to eight descendants that together are `node`, in the tree's order; the node itself when it is a light.
+    ///
+    /// Few blocks make long ways down. So where there are many lights the brightest node is opened first, and where there are few,
+    /// which is where most blocks are, as few as can be are made.
+    pub(crate) fn members(&self, node: NodeId) -> Vec<NodeId> {
+        match self.node(node).1 > FEW {
+            true => self.brightest_first(node),
+            false => self.sparing(node),
+        }
+    }
+
+    fn size(&self, id: NodeId) -> f32 {
+        self.tree.node(id).intensity + self.tree.directional_intensity(id)
+    }
+
+    fn brightest_first(&self, node: NodeId) -> Vec<NodeId> {
+        let mut members = vec![node];
+        while members.len() < WIDTH {
+            let large = members.iter().enumerate().filter_map(|(place, &id)| {
+                let first = self.tree.node(id).first_child()?;
+                (self.node(id).1 > WIDTH as u32).then_some((self.size(id), place, first))
+            });
+            let Some((_, place, first)) = large.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+                break;
+            };
+            members[place] = first;
+            members.insert(place + 1, NodeId(first.0 + 1));
+        }
+        members
+    }
+
+    /// Where places can be divided in several ways, the brighter child gets more.
+    fn sparing(&self, node: NodeId) -> Vec<NodeId> {
+        let mut members = Vec::with_capacity(WIDTH);
+        let mut work = vec![(node, WIDTH)];
+        while let Some((id, places)) = work.pop() {
+            let Some(first) = self.tree.node(id).first_child().filter(|_| places > 1) else {
+                members.push(id);
+                continue;
+            };
+            let second = NodeId(first.0 + 1);
+            let ((a, lights_a), (b, lights_b)) = (self.node(first), self.node(second));
+            let (lights_a, lights_b) = (lights_a as usize, lights_b as usize);
+            let places = places.min(lights_a + lights_b);
+            let spares = |places: usize| Spared::both(a, b, places);
+            // One place is better where more would cost a block.
+            if id != node && spares(places) + 1 < spares(WIDTH) {
+                members.push(id);
+                continue;
+            }
+            let range = places.saturating_sub(lights_b).max(1)..=lights_a.min(places - 1);
+            let (bright_a, bright_b) = (self.size(first), self.size(second));
+            let wanted = places as f32 * bright_a / (bright_a + bright_b);
+            let off = |n: usize| (n as f32 - wanted).abs();
+            let best = range.max_by(|&m, &n| {
+                let spared = |n: usize| a.by(n) + b.by(places - n);
+                spared(m).cmp(&spared(n)).then(off(n).total_cmp(&off(m)))
+            });
+            let n = best.unwrap_or(1);
+            work.extend([(second, places - n), (first, n)]);
+        }
+        members
+    }
+}
