@@ -638,7 +638,7 @@ mod tests {
     fn blocks_are_nearly_full() {
         let lights = lights_on_walls(20_000);
         let tree = wide(&lights).expect("has lights");
-        // 37 at best, 58 where the brightest is opened first but for small clusters, and 79 where it always is.
+        // 37 at best, and 79 where the brightest is always opened first.
         let each = tree.bytes() / lights.len();
         assert!(each < 50, "{each} bytes a light");
     }
