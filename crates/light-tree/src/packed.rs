@@ -68,10 +68,14 @@ impl PackedBlock {
 
     /// The steps between which `lo` to `hi` lies.
     fn span(&self, axis: usize, lo: f32, hi: f32) -> (u16, u16) {
-        let steps =
-            |x: f32| (f64::from(x) - f64::from(self.corner[axis])) / f64::from(self.step(axis));
-        let (mut from, mut to) = (steps(lo).floor() as u16, steps(hi).ceil() as u16);
-        // Unpacking rounds.
+        // The reciprocal of a power of two is exact.
+        let (corner, per_unit) = (
+            f64::from(self.corner[axis]),
+            1.0 / f64::from(self.step(axis)),
+        );
+        let steps = |x: f32| (f64::from(x) - corner) * per_unit;
+        let (mut from, mut to) = (steps(lo) as u16, steps(hi) as u16);
+        // Rounded towards the corner, and unpacking rounds as well.
         while from > 0 && self.unpack(axis, from) > lo {
             from -= 1;
         }

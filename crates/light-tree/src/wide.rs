@@ -54,8 +54,7 @@ const ALIKE: f32 = 0.95;
 impl WideTree {
     /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
     pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
-        let below = Below::of(tree, lights);
-        let fill = Fill::of(tree);
+        let (below, fill) = rayon::join(|| Below::of(tree, lights), || Fill::of(tree));
         let diagonal = tree.diagonal2.sqrt();
         let scale = if diagonal > 0.0 {
             2.0f32.powi(-(diagonal.log2().round() as i32).clamp(-60, 60))
