@@ -19,8 +19,8 @@ pub(crate) struct PackedBlock {
     near2: [u16; WIDTH],
     /// In 255 parts, from −1 to 1.
     cos: [u8; WIDTH],
-    /// The greatest of all.
-    radius: f32,
+    /// Six bits of exponent and two of mantissa, and 0 for 0.
+    radius: [u8; WIDTH],
     corner: [f32; 3],
     /// Powers of two that the steps are.
     exponents: [i8; 3],
@@ -30,6 +30,11 @@ pub(crate) struct PackedBlock {
 const AXIS: f32 = 32767.0;
 /// By how much the cosine of an angle changes where its axis turns by what rounding to these parts does, and more.
 const TURNED: f32 = 5e-5;
+
+/// What a short float of 0 would be: 2⁻⁴².
+const SHORTEST: u32 = (127 - 42) << 23;
+/// Bits of the mantissa that a short float lacks.
+const SHORTENED: u32 = 21;
 
 impl PackedBlock {
     pub(crate) fn of(block: &Block) -> Self {
@@ -42,7 +47,7 @@ impl PackedBlock {
             axis: [[0; WIDTH]; 3],
             near2: block.near2.map(upper_half),
             cos: block.cos.map(parts_of_cosine),
-            radius: used.clone().fold(0.0, |most, k| block.radius[k].max(most)),
+            radius: block.radius.map(short_float),
             corner: [0.0; 3],
             exponents: [0; 3],
         };
@@ -113,10 +118,10 @@ impl PackedBlock {
         (self.unpack(axis, lo), self.unpack(axis, hi))
     }
 
-    /// Greatest radius of the spheres.
+    /// Greatest radius of a cluster's spheres.
     #[inline(always)]
-    pub(crate) fn radius(&self) -> f32 {
-        self.radius
+    pub(crate) fn radius(&self, lane: usize) -> f32 {
+        from_short_float(self.radius[lane])
     }
 
     /// All of it.
@@ -125,7 +130,6 @@ impl PackedBlock {
         let mut block = Block {
             intensity: self.intensity,
             clusters: self.clusters,
-            radius: [self.radius; WIDTH],
             ..Block::EMPTY
         };
         for axis in 0..3 {
@@ -139,6 +143,7 @@ impl PackedBlock {
         for k in 0..WIDTH {
             block.near2[k] = f32::from_bits(u32::from(self.near2[k]) << 16);
             block.cos[k] = cosine(self.cos[k]);
+            block.radius[k] = from_short_float(self.radius[k]);
         }
         block
     }
@@ -157,6 +162,21 @@ fn exponent(least: f32, most: f32) -> i8 {
 /// The upper half of a number ≥ 0, rounded up.
 fn upper_half(x: f32) -> u16 {
     (x.to_bits().saturating_add(0xFFFF) >> 16) as u16
+}
+
+/// A number ≥ 0, rounded up; beyond three million times the extent of all lights rounded down.
+fn short_float(x: f32) -> u8 {
+    if x <= 0.0 {
+        return 0;
+    }
+    let above = x.to_bits().saturating_sub(SHORTEST);
+    above.div_ceil(1 << SHORTENED).clamp(1, u8::MAX.into()) as u8
+}
+
+#[inline(always)]
+fn from_short_float(short: u8) -> f32 {
+    let float = f32::from_bits(SHORTEST + (u32::from(short) << SHORTENED));
+    if short == 0 { 0.0 } else { float }
 }
 
 #[inline(always)]
@@ -240,6 +260,23 @@ mod tests {
                 "{unpacked} of {cos}"
             );
             assert!(unpacked > cos - 0.009, "{unpacked} of {cos}");
+        }
+    }
+
+    #[test]
+    fn radii_are_rounded_up_by_a_quarter_at_most() {
+        assert_eq!(from_short_float(short_float(0.0)), 0.0, "none");
+        for i in 0..600 {
+            let radius = 1e-12 * 1.1f32.powi(i);
+            let unpacked = from_short_float(short_float(radius));
+            if radius < 3e6 {
+                assert!(
+                    radius <= unpacked && unpacked <= 1.25 * radius,
+                    "{unpacked} of {radius}"
+                );
+            } else {
+                assert!(unpacked >= 3e6, "{unpacked} of {radius}");
+            }
         }
     }
 

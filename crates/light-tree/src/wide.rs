@@ -393,7 +393,7 @@ impl WideTree {
             centre2 += c * c;
             half2 += h * h;
         }
-        let radius = block.radius();
+        let radius = block.radius(lane);
         let width2 = seen.lobe.as_ref().map_or(1.0, |lobe| lobe.alpha2);
         half2 + radius * radius < FAR2 * width2 * centre2
     }
