@@ -125,3 +125,55 @@ impl<'a> Fill<'a> {
         members
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::test_lights::any_lights;
+    use crate::wide::WideTree;
+
+    type Known = HashMap<(u32, usize), usize>;
+
+    /// Fewest blocks below `node` when it takes up to so many places of its parent's, found by trying every division.
+    fn fewest(tree: &LightTree, node: NodeId, places: usize, known: &mut Known) -> usize {
+        let Some(first) = tree.node(node).first_child() else {
+            return 0;
+        };
+        if let Some(&blocks) = known.get(&(node.0, places)) {
+            return blocks;
+        }
+        let mut divided = |places: usize| {
+            let of = |known: &mut Known, n: usize| {
+                fewest(tree, first, n, known) + fewest(tree, NodeId(first.0 + 1), places - n, known)
+            };
+            (1..places).map(|n| of(known, n)).min()
+        };
+        let own = 1 + divided(WIDTH).unwrap_or(0);
+        let blocks = divided(places).map_or(own, |blocks| blocks.min(own));
+        known.insert((node.0, places), blocks);
+        blocks
+    }
+
+    #[test]
+    fn there_are_as_few_blocks_as_can_be() {
+        let mut most = 0;
+        verify::property(200, |u| {
+            let lights = any_lights(u)?;
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+                return Ok(());
+            };
+            if lights.len() > FEW as usize {
+                return Ok(());
+            }
+            let blocks = WideTree::collapse(&tree, &lights).blocks.len();
+            let expected = fewest(&tree, tree.root(), 1, &mut Known::new()).max(1);
+            assert_eq!(blocks, expected, "of {} lights", lights.len());
+            most = most.max(blocks);
+            Ok(())
+        });
+        assert!(most > 1, "{most} blocks");
+    }
+}
