@@ -38,11 +38,13 @@ impl Spared {
 /// What each node of a tree spares, and how many lights it has.
 pub(crate) struct Fill<'a> {
     tree: &'a LightTree,
+    /// What parallel light counts for beside intensities, in the tree's unit of length.
+    parallel: f32,
     nodes: Vec<[(Spared, u32); 2]>,
 }
 
 impl<'a> Fill<'a> {
-    pub(crate) fn of(tree: &'a LightTree) -> Self {
+    pub(crate) fn of(tree: &'a LightTree, parallel: f32) -> Self {
         let mut nodes = vec![[(Spared::default(), 1); 2]; tree.pairs.len()];
         // Children lie behind their parents.
         for pair in (0..tree.pairs.len()).rev() {
@@ -54,7 +56,11 @@ impl<'a> Fill<'a> {
                 }
             }
         }
-        Self { tree, nodes }
+        Self {
+            tree,
+            parallel,
+            nodes,
+        }
     }
 
     fn node(&self, id: NodeId) -> (Spared, u32) {
@@ -73,7 +79,7 @@ impl<'a> Fill<'a> {
     }
 
     fn size(&self, id: NodeId) -> f32 {
-        self.tree.node(id).intensity + self.tree.directional_intensity(id)
+        self.tree.node(id).intensity + self.tree.directional_intensity(id) * self.parallel
     }
 
     fn brightest_first(&self, node: NodeId) -> Vec<NodeId> {

@@ -54,13 +54,16 @@ const ALIKE: f32 = 0.95;
 impl WideTree {
     /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
     pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
-        let (below, fill) = rayon::join(|| Below::of(tree, lights), || Fill::of(tree));
         let diagonal = tree.diagonal2.sqrt();
         let scale = if diagonal > 0.0 {
             2.0f32.powi(-(diagonal.log2().round() as i32).clamp(-60, 60))
         } else {
             1.0
         };
+        let (below, fill) = rayon::join(
+            || Below::of(tree, lights),
+            || Fill::of(tree, 1.0 / (scale * scale)),
+        );
         let root = tree.node(tree.root());
         let total = root.intensity + tree.directional_intensity(tree.root()) / (scale * scale);
         let mut wide = Self {
