@@ -37,14 +37,13 @@ pub fn write_strips(store: &Store, results: &Results) -> Result<Vec<Strip>, Expe
         let view = results.scenes.iter().find(|s| s.name == *scene);
         let crops = view.map_or(&[][..], |v| &v.crops);
         let is_made = |s: &Strip| (&s.scene, &s.lights) == (scene, lights);
-        let columns = columns(store, results, first);
-        let reference = columns.first().and_then(|c| c.figures());
-        let Some(reference) = reference.filter(|_| !crops.is_empty()) else {
-            continue;
-        };
-        if strips.iter().any(is_made) {
+        if crops.is_empty() || strips.iter().any(is_made) {
             continue;
         }
+        let columns = columns(store, results, first);
+        let Some(reference) = columns.first().and_then(|c| c.figures()) else {
+            continue;
+        };
         let reference = film::read_image(&store.reference(&reference.reference, "exr"))?;
         let mut images = Vec::new();
         for figures in columns.iter().filter_map(|c| c.figures()) {

@@ -139,13 +139,9 @@ impl SharedCut {
     /// Weights of the clusters of a block of the cut.
     #[inline(always)]
     fn weights(&self, tree: &WideTree, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut weights = tree
-            .weigh::<false, false>(&self.blocks[block], seen)
-            .weights;
-        if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block].add_parallel(receiver, parallel, &mut weights);
-        }
-        weights
+        let (own, parallel) = (&self.blocks[block], self.parallel.get(block));
+        tree.weigh_whole::<false, false>(own, parallel, receiver, seen)
+            .weights
     }
 
     /// The clusters of a row.

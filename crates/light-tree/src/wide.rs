@@ -356,15 +356,9 @@ impl WideTree {
 
     /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
     pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let mut bounds = self
-            .weigh::<true, false>(&self.blocks[block].block(), seen)
-            .weights;
-        if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block]
-                .block()
-                .add_parallel(receiver, parallel, &mut bounds);
-        }
-        bounds
+        let (packed, parallel) = (&self.blocks[block], self.parallel.get(block));
+        self.weigh_whole::<true, false>(&packed.block(), parallel, receiver, seen)
+            .weights
     }
 
     /// What lights of a block's clusters are drawn by: their weights, or where all that the block holds is far off, their
@@ -409,11 +403,22 @@ impl WideTree {
         receiver: &Receiver,
         seen: &Seen,
     ) -> Weighed {
-        let mut weighed = self.weigh::<false, REGION>(&self.blocks[block].block(), seen);
-        if let Some(parallel) = self.parallel.get(block) {
-            self.blocks[block]
-                .block()
-                .add_parallel(receiver, parallel, &mut weighed.weights);
+        let (packed, parallel) = (&self.blocks[block], self.parallel.get(block));
+        self.weigh_whole::<false, REGION>(&packed.block(), parallel, receiver, seen)
+    }
+
+    /// [`weigh`](Self::weigh), with the parallel light.
+    #[inline(always)]
+    pub(crate) fn weigh_whole<const BOUND: bool, const REGION: bool>(
+        &self,
+        block: &Block,
+        parallel: Option<&Lanes>,
+        receiver: &Receiver,
+        seen: &Seen,
+    ) -> Weighed {
+        let mut weighed = self.weigh::<BOUND, REGION>(block, seen);
+        if let Some(parallel) = parallel {
+            block.add_parallel(receiver, parallel, &mut weighed.weights);
         }
         weighed
     }
