@@ -164,13 +164,22 @@ impl SeenLobe {
 }
 
 /// Weights of eight clusters.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Weighed {
     pub(crate) weights: Lanes,
     /// What each would weigh, were all its lights where they bring most.
     pub(crate) peaks: Lanes,
     /// How many times as much a light at the nearest point may bring to another point of the region.
     pub(crate) swings: Lanes,
+}
+
+impl Weighed {
+    /// Zeros. A derived default is a call in the midst of vector code.
+    const NONE: Self = Self {
+        weights: [0.0; WIDTH],
+        peaks: [0.0; WIDTH],
+        swings: [0.0; WIDTH],
+    };
 }
 
 /// Squared distances below this, in units of the box around all lights, count alike: 1/d⁴ stays finite.
@@ -245,7 +254,7 @@ impl Block {
                 }
             }
         }
-        let mut out = Weighed::default();
+        let mut out = Weighed::NONE;
         for k in 0..WIDTH {
             // The mean of 1/d² over distances spread evenly from a to b is 1/(ab).
             let (near2, radius) = (self.near2[k], self.radius[k]);

@@ -121,6 +121,51 @@ impl Receiver {
         (top / length).clamp(0.0, 1.0)
     }
 
+    /// [`cos_bound_over`](Self::cos_bound_over) of several boxes: the same operations in the same order, and so the same bits.
+    #[inline(always)]
+    pub(crate) fn cos_bounds_over<const N: usize>(&self, seen: &Boxes<N>) -> [f32; N] {
+        let (frame, frame_abs) = (self.frame, self.frame_abs);
+        let mut bounds = [0.0; N];
+        for k in 0..N {
+            let (mut centre, mut extent) = ([0.0; 3], [0.0; 3]);
+            for axis in 0..3 {
+                let (lo, hi) = (seen.lo[axis][k], seen.hi[axis][k]);
+                centre[axis] = (lo + hi) * 0.5;
+                let half = (hi - lo) * 0.5;
+                extent[axis] = half + SLACK * (centre[axis].abs() + half);
+            }
+            let row = |columns: &Mat3A, of: [f32; 3], r: usize| {
+                columns.x_axis[r] * of[0] + columns.y_axis[r] * of[1] + columns.z_axis[r] * of[2]
+            };
+            let beside = |r: usize| {
+                greater(
+                    row(&frame, centre, r).abs() - row(&frame_abs, extent, r),
+                    0.0,
+                )
+            };
+            let top = row(&frame, centre, 2) + row(&frame_abs, extent, 2);
+            let (x, y) = (beside(0), beside(1));
+            let across2 = x * x + y * y;
+            let length = greater((across2 + top * top).sqrt(), f32::MIN_POSITIVE);
+            bounds[k] = (top / length).clamp(0.0, 1.0);
+        }
+        bounds
+    }
+
+    /// The boxes, seen from the receiver.
+    #[inline(always)]
+    pub(crate) fn relative_boxes<const N: usize>(&self, boxes: &Boxes<N>) -> Boxes<N> {
+        let mut seen = *boxes;
+        for axis in 0..3 {
+            let at = self.position[axis];
+            for k in 0..N {
+                seen.lo[axis][k] -= at;
+                seen.hi[axis][k] -= at;
+            }
+        }
+        seen
+    }
+
     /// Upper bound of cos⁺ between the normal, or any of the region's, and the direction against the travel of parallel light in
     /// `travel`; 0 only when all of it comes from below the horizon.
     pub fn cos_bound_parallel(&self, travel: Cone) -> f32 {
@@ -282,6 +327,45 @@ impl RelativeBox {
     }
 }
 
+/// Several boxes, coordinate by coordinate.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Boxes<const N: usize> {
+    pub(crate) lo: [[f32; N]; 3],
+    pub(crate) hi: [[f32; N]; 3],
+}
+
+impl<const N: usize> Boxes<N> {
+    /// [`RelativeBox::least2`] of each.
+    #[inline(always)]
+    pub(crate) fn least2(&self) -> [f32; N] {
+        self.squared_length(|lo, hi| greater(greater(lo, -hi), 0.0))
+    }
+
+    /// [`RelativeBox::diagonal2`] of each.
+    #[inline(always)]
+    pub(crate) fn diagonal2(&self) -> [f32; N] {
+        self.squared_length(|lo, hi| hi - lo)
+    }
+
+    /// Squared length of the vectors whose coordinates follow from those of the corners.
+    #[inline(always)]
+    fn squared_length(&self, coordinate: impl Fn(f32, f32) -> f32) -> [f32; N] {
+        let mut squares = [0.0; N];
+        for k in 0..N {
+            let along = |axis: usize| coordinate(self.lo[axis][k], self.hi[axis][k]);
+            let (x, y, z) = (along(0), along(1), along(2));
+            squares[k] = x * x + y * y + z * z;
+        }
+        squares
+    }
+}
+
+/// The greater of two numbers, which is one instruction where neither is NaN.
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// cos⁺(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
 pub(crate) fn widened_cos(cos: f32, cos_half: f32) -> f32 {
     widened_signed_cos(cos, cos_half).max(0.0)
@@ -326,6 +410,42 @@ mod tests {
 
     fn point(u: &mut Unstructured<'_>) -> Result<Vec3> {
         Ok(Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?))
+    }
+
+    #[test]
+    fn boxes_side_by_side_are_seen_as_each_alone() {
+        verify::property(5000, |u| {
+            let (a, b) = (point(u)?, point(u)?);
+            let normal = (b - a).try_normalize().unwrap_or(Vec3::Y);
+            let x = Receiver::new(a, normal);
+            let mut boxes = Boxes {
+                lo: [[0.0; 8]; 3],
+                hi: [[0.0; 8]; 3],
+            };
+            let mut nodes = Vec::new();
+            for k in 0..8 {
+                let (p, q) = (point(u)?, point(u)?);
+                let node = Node::leaf(p.min(q), p.max(q), 1.0, LightId(0));
+                for axis in 0..3 {
+                    (boxes.lo[axis][k], boxes.hi[axis][k]) = (node.lo[axis], node.hi[axis]);
+                }
+                nodes.push(node);
+            }
+            let seen = x.relative_boxes(&boxes);
+            let cosines = x.cos_bounds_over(&seen);
+            let (least2, diagonal2) = (seen.least2(), seen.diagonal2());
+            for (k, node) in nodes.iter().enumerate() {
+                let alone = x.relative(node);
+                let side_by_side = [cosines[k], least2[k], diagonal2[k]];
+                let each = [x.cos_bound(node), alone.least2(), alone.diagonal2()];
+                assert_eq!(
+                    side_by_side.map(f32::to_bits),
+                    each.map(f32::to_bits),
+                    "{x:?} {node:?}"
+                );
+            }
+            Ok(())
+        });
     }
 
     /// Points some last digits apart, as far from the origin as from 0 to 1000: there squares of coordinates are all

@@ -292,6 +292,7 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         },
         least_dist2: 0.0,
         least_dist2_below: Vec::new(),
+        greatest_dist2: 0.0,
     })
 }
 

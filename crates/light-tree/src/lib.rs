@@ -28,6 +28,7 @@ mod test_lights;
 mod tree;
 mod weight;
 mod wide;
+mod yuksel2019;
 
 pub use block::Cluster;
 pub use bounds::{DistanceRange, Receiver};

@@ -5,6 +5,7 @@ use crate::light::LightId;
 use crate::prefetch::prefetch;
 use crate::tree::{LightTree, NodeId};
 use crate::weight::NodeWeights;
+use crate::wide::by_width;
 
 /// What happens when neither child of a node can light the receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,6 +46,15 @@ struct Descent {
     /// Random number, rescaled at each level to [0, 1).
     u: f64,
     pmf: f64,
+}
+
+/// One of many descents, at an inner node.
+#[derive(Debug, Clone, Copy)]
+struct Active {
+    /// The first of the node's children.
+    first: NodeId,
+    u: f64,
+    pmf: f64,
     /// Position in the caller's list of results.
     slot: usize,
 }
@@ -55,30 +65,32 @@ pub(crate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 /// Chooses by `weights` with `u`; returns the chosen child, its probability and the rescaled number.
 #[inline]
 pub(crate) fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
-    let [w0, w1] = weights.map(f64::from);
+    let (right, pmf, rest) = choose_live(weights, u);
+    (pmf > 0.0).then_some((right as u32, pmf, rest))
+}
+
+/// As [`choose`]; where both weights are 0, the probability is no number, or 0.
+#[inline(always)]
+fn choose_live(weights: [f32; 2], u: f64) -> (u64, f64, f64) {
+    let (w0, w1) = (f64::from(weights[0]), f64::from(weights[1]));
     let sum = w0 + w1;
     debug_assert!(sum.is_finite(), "weights {weights:?}");
-    if sum <= 0.0 {
-        return None;
-    }
     // Selected, not branched on: the outcome is random, and a wrong guess costs more than the sums.
     // A child of weight 0 is never taken: scaled < w0 fails for w0 = 0 and holds for w0 = sum.
     let scaled = u * sum;
-    let right = scaled >= w0 && w1 > 0.0;
+    let right = (scaled >= w0) & (w1 > 0.0);
     let (w, passed) = if right { (w1, w0) } else { (w0, 0.0) };
-    Some((
-        u32::from(right),
-        w / sum,
-        ((scaled - passed) / w).clamp(0.0, BELOW_ONE),
-    ))
+    let rest = ((scaled - passed) / w).clamp(0.0, BELOW_ONE);
+    (u64::from(right), w / sum, rest)
 }
 
 /// Draws one light from each of many clusters, all descending side by side so that the memory latencies of
 /// one hide behind the others'. Memory is kept between receivers.
 #[derive(Debug, Clone, Default)]
 pub struct Selector {
-    active: Vec<Descent>,
+    active: Vec<Active>,
     drawn: Vec<Option<Selected>>,
+    steps: Vec<FourSteps>,
 }
 
 impl Selector {
@@ -99,43 +111,125 @@ impl Selector {
         self.active.clear();
         for (slot, node) in nodes.enumerate() {
             let u = u();
+            self.drawn.push(None);
             match dead_branches {
-                DeadBranch::Stop => {
-                    self.drawn.push(None);
-                    self.active.push(Descent {
-                        node,
-                        u,
-                        pmf: 1.0,
-                        slot,
-                    });
-                }
-                DeadBranch::Retry => self
-                    .drawn
-                    .push(tree.select_retry(weights, receiver, node, u)),
-            }
-        }
-        while !self.active.is_empty() {
-            let mut kept = 0;
-            for i in 0..self.active.len() {
-                let mut descent = self.active[i];
-                match tree.descend(weights, receiver, &mut descent) {
-                    Step::Deeper => {
-                        self.active[kept] = descent;
-                        kept += 1;
-                    }
-                    Step::Leaf(light) => {
-                        self.drawn[descent.slot] = Some(Selected {
-                            light,
-                            pmf: descent.pmf,
-                        })
-                    }
-                    Step::Dead => {}
+                DeadBranch::Stop => self.begin(tree, node, u, slot),
+                DeadBranch::Retry => {
+                    self.drawn[slot] = tree.select_retry(weights, receiver, node, u);
                 }
             }
-            self.active.truncate(kept);
         }
+        self.descend_all(tree, weights, receiver);
         &self.drawn
     }
+
+    /// Begins a descent below `node`, whose result is that of `slot`.
+    fn begin(&mut self, tree: &LightTree, node: NodeId, u: f64, slot: usize) {
+        let node = tree.node(node);
+        match node.first_child() {
+            Some(first) => self.active.push(Active {
+                first,
+                u,
+                pmf: 1.0,
+                slot,
+            }),
+            None => self.drawn[slot] = node.light().map(|light| Selected { light, pmf: 1.0 }),
+        }
+    }
+
+    /// Goes on with all descents to their ends.
+    fn descend_all(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
+        by_width!(
+            self.descend_all_avx2(tree, weights, receiver),
+            self.descend_all_with(tree, weights, receiver)
+        )
+    }
+
+    /// The same code and the same bits, eight nodes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn descend_all_avx2(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
+        self.descend_all_with(tree, weights, receiver);
+    }
+
+    #[inline(always)]
+    fn descend_all_with(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
+        let Self {
+            active,
+            drawn,
+            steps,
+        } = self;
+        while !active.is_empty() {
+            // First where all go, without a branch: the processor works on several steps at once.
+            steps.clear();
+            let mut from = 0;
+            while from < active.len() {
+                let count = (active.len() - from).min(FOUR);
+                let mut firsts = [NodeId(0); FOUR];
+                let mut u = [0.0f64; FOUR];
+                for k in 0..FOUR {
+                    // Where there are not so many the last is weighed again.
+                    let descent = &active[from + k.min(count - 1)];
+                    (firsts[k], u[k]) = (descent.first, descent.u);
+                }
+                let weighed = tree.weigh_four(weights, receiver, firsts);
+                let mut step = FourSteps::NONE;
+                for k in 0..FOUR {
+                    let chosen = choose_live([weighed[0][k], weighed[1][k]], u[k]);
+                    (step.right[k], step.pmf[k], step.u[k]) = chosen;
+                }
+                steps.push(step);
+                from += count;
+            }
+            let mut kept = 0;
+            for i in 0..active.len() {
+                let (step, k) = (&steps[i / FOUR], i % FOUR);
+                let mut descent = active[i];
+                descent.pmf *= step.pmf[k];
+                // Else both weights are 0, or a product of hundreds of tiny probabilities has underflowed: such a light
+                // cannot be told from none.
+                if descent.pmf > 0.0 {
+                    descent.u = step.u[k];
+                    let child = NodeId(descent.first.0 + step.right[k] as u32);
+                    match tree.node(child).first_child() {
+                        None => {
+                            let light = tree.node(child).light();
+                            drawn[descent.slot] = light.map(|light| Selected {
+                                light,
+                                pmf: descent.pmf,
+                            });
+                        }
+                        Some(first) => {
+                            tree.prefetch_children(child);
+                            descent.first = first;
+                            active[kept] = descent;
+                            kept += 1;
+                        }
+                    }
+                }
+            }
+            active.truncate(kept);
+        }
+    }
+}
+
+/// Descents that take a step together.
+const FOUR: usize = 4;
+
+/// Where four descents go: what [`choose_live`] says of each.
+#[derive(Debug, Clone, Copy)]
+struct FourSteps {
+    right: [u64; FOUR],
+    pmf: [f64; FOUR],
+    u: [f64; FOUR],
+}
+
+impl FourSteps {
+    const NONE: Self = Self {
+        right: [0; FOUR],
+        pmf: [0.0; FOUR],
+        u: [0.0; FOUR],
+    };
 }
 
 enum Step {
@@ -152,6 +246,25 @@ impl LightTree {
         prefetch(children.map(|first| &self.pairs[(first.0 >> 1) as usize]));
     }
 
+    /// [`weigh`](Self::weigh) of four nodes' children: of the first, and of the second.
+    #[inline(always)]
+    fn weigh_four(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        firsts: [NodeId; FOUR],
+    ) -> [[f32; FOUR]; 2] {
+        if weights == NodeWeights::Yuksel2019 {
+            return self.weigh_pairs::<FOUR, { 2 * FOUR }>(receiver, firsts);
+        }
+        let mut weighed = [[0.0; FOUR]; 2];
+        for k in 0..FOUR {
+            let [a, b] = self.weigh(weights, receiver, firsts[k]);
+            (weighed[0][k], weighed[1][k]) = (a, b);
+        }
+        weighed
+    }
+
     #[inline]
     fn descend(&self, weights: NodeWeights, receiver: &Receiver, descent: &mut Descent) -> Step {
         let node = self.node(descent.node);
@@ -162,7 +275,6 @@ impl LightTree {
             return Step::Dead;
         };
         descent.node = NodeId(first.0 + child);
-        self.prefetch_children(descent.node);
         descent.pmf *= p;
         descent.u = u;
         // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from none.
@@ -204,7 +316,6 @@ impl LightTree {
             node: root,
             u,
             pmf: 1.0,
-            slot: 0,
         };
         loop {
             match self.descend(weights, receiver, &mut now) {
@@ -238,7 +349,6 @@ impl LightTree {
             node: root,
             u,
             pmf: 1.0,
-            slot: 0,
         };
         loop {
             let before = now;

@@ -102,6 +102,8 @@ pub struct LightTree {
     pub(crate) least_dist2: f32,
     /// The same per node, for virtual lights that differ in radius; otherwise empty.
     pub(crate) least_dist2_below: Vec<f32>,
+    /// The greatest of these.
+    pub(crate) greatest_dist2: f32,
 }
 
 impl LightTree {
@@ -131,6 +133,7 @@ impl LightTree {
         let only_virtual = lights.virtual_count() == lights.len();
         if !lights.has_radii() && (only_virtual || lights.greatest_radius() == 0.0) {
             self.least_dist2 = 1.5 * lights.greatest_radius() * lights.greatest_radius();
+            self.greatest_dist2 = self.least_dist2;
             return self;
         }
         // Children lie behind their parents.
@@ -152,6 +155,7 @@ impl LightTree {
             }
         }
         self.least_dist2 = least[0];
+        self.greatest_dist2 = least.iter().copied().fold(0.0, f32::max);
         self.least_dist2_below = least;
         self
     }

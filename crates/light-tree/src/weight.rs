@@ -78,49 +78,6 @@ impl LightTree {
         }
     }
 
-    #[inline]
-    fn weigh_yuksel2019(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
-        let pair = self.pair(first);
-        let seen = [receiver.relative(&pair[0]), receiver.relative(&pair[1])];
-        let mut nearest2 = [seen[0].least2(), seen[1].least2()];
-        let mut diagonal2 = [seen[0].diagonal2(), seen[1].diagonal2()];
-        let mut lit = [
-            receiver.cos_bound_over(&seen[0]) * pair[0].intensity,
-            receiver.cos_bound_over(&seen[1]) * pair[1].intensity,
-        ];
-        if !self.directional.is_empty() {
-            for k in (0..2).filter(|&k| !pair[k].has_positions()) {
-                // An empty box: dark, and far from everything.
-                (lit[k], nearest2[k], diagonal2[k]) = (0.0, f32::INFINITY, 0.0);
-            }
-        }
-        // A light alone in its box, at the receiver, is near as well.
-        let near = (nearest2[0] <= diagonal2[0]) | (nearest2[1] <= diagonal2[1]);
-        let floor2 = [
-            self.least_dist2(first),
-            self.least_dist2(NodeId(first.0 + 1)),
-        ];
-        let least2 = [nearest2[0].max(floor2[0]), nearest2[1].max(floor2[1])];
-        if !self.directional.is_empty() {
-            let common2 = diagonal2[0].max(diagonal2[1]).max(floor2[0]).max(floor2[1]);
-            return self.weigh_with_parallel(
-                receiver,
-                first,
-                lit,
-                if near { [common2; 2] } else { least2 },
-            );
-        }
-        // Only the ratio of the distances matters. Not near means not 0.
-        let ratio = if near { 1.0 } else { least2[0] / least2[1] };
-        let weights = [lit[0], lit[1] * ratio];
-        let sum = weights[0] + weights[1];
-        if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) {
-            weights
-        } else {
-            rescue(weights, lit)
-        }
-    }
-
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ of two children, for squared distances `dist2` in one unit with the intensities.
     ///
     /// Where the distance is dropped `dist2` is the same for both: only parallel light notices its value.
@@ -207,17 +164,22 @@ impl LightTree {
                 }
             }
         }
-        let sum = w[0] + w[1];
-        if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) {
-            w
-        } else {
-            rescue(w, lit)
-        }
+        sound(w, lit)
     }
 }
 
-/// The weights overflowed or vanished though something is lit: scale them, and if that does not help,
-/// weigh by intensity and cosine alone.
+/// The weights, or where they overflowed, or vanished though something is lit, others in their place.
+#[inline]
+pub(crate) fn sound(weights: PairWeights, lit: PairWeights) -> PairWeights {
+    let sum = weights[0] + weights[1];
+    if sum.is_finite() && (sum > 0.0 || lit == [0.0; 2]) {
+        weights
+    } else {
+        rescue(weights, lit)
+    }
+}
+
+/// Scales weights, and if that does not help, weighs by intensity and cosine alone.
 #[cold]
 fn rescue(w: PairWeights, lit: PairWeights) -> PairWeights {
     let greatest = f64::from(w[0]).max(f64::from(w[1]));

@@ -91,6 +91,51 @@ fn lights_are_drawn_as_often_as_reported() {
     }
 }
 
+#[test]
+fn many_descents_at_once_draw_what_each_draws_alone() {
+    verify::property(1000, |u| {
+        let lights = any_lights(u)?;
+        let at = receiver(any_receiver(u, &lights)?);
+        let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+            return Ok(());
+        };
+        let all: Vec<NodeId> = tree.nodes_below(tree.root()).collect();
+        let count = u.int_in_range(1..=11)?;
+        let mut nodes = Vec::new();
+        let mut numbers = Vec::new();
+        for _ in 0..count {
+            nodes.push(*u.choose(&all)?);
+            numbers.push(f64::from(u.arbitrary::<u32>()?) / 4_294_967_296.0);
+        }
+        for weights in NodeWeights::ALL {
+            let alone: Vec<_> = nodes
+                .iter()
+                .zip(&numbers)
+                .map(|(&node, &number)| tree.select(weights, &at, node, number))
+                .collect();
+            let mut selector = Selector::default();
+            let mut rest = numbers.iter().copied();
+            let drawn = selector.select(
+                &tree,
+                weights,
+                DeadBranch::Stop,
+                &at,
+                nodes.iter().copied(),
+                || rest.next().expect("a number a node"),
+            );
+            assert_eq!(drawn, alone, "{weights:?}");
+            // The same by narrow instructions.
+            selector.drawn = vec![None; nodes.len()];
+            for (slot, (&node, &u)) in nodes.iter().zip(&numbers).enumerate() {
+                selector.begin(&tree, node, u, slot);
+            }
+            selector.descend_all_with(&tree, weights, &at);
+            assert_eq!(selector.drawn, alone, "{weights:?}, narrow");
+        }
+        Ok(())
+    });
+}
+
 /// A pair of lights below the receiver's horizon whose common box reaches above it, and one light above.
 fn dead_pair(scale: f32) -> (LightSet, Receiver) {
     let mut lights = LightSet::default();
