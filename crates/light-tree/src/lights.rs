@@ -1,4 +1,4 @@
-//! The lights a tree is built over, as a structure of arrays.
+//! The lights a tree is built over.
 
 use glam::Vec3;
 
@@ -25,35 +25,42 @@ struct Cell {
     element: u32,
 }
 
-/// All lights in use: a structure of arrays in one order, virtual lights after all others. Every light has power
-/// above zero and finite numbers.
+/// What every light has, side by side: a light that is drawn is one of a million, and each array that it were spread over
+/// would be one more wait for memory.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(16))]
+struct Light {
+    position: Vec3,
+    axis: Vec3,
+    intensity: Vec3,
+    /// 0 but for virtual lights.
+    radius: f32,
+    /// Index into the array of the light's kind, or [`NONE`].
+    detail: u32,
+    kind: LightKind,
+}
+
+/// The detail of a light that has none.
+const NONE: u32 = u32::MAX;
+
+/// All lights in use, in one order, virtual lights after all others. Every light has power above zero and finite numbers.
 #[derive(Debug, Clone, Default)]
 pub struct LightSet {
-    positions: Vec<Vec3>,
-    axes: Vec<Vec3>,
-    intensities: Vec<Vec3>,
-    kinds: Vec<LightKind>,
-    /// Index into the array of the light's kind; as long as it takes to reach the last light that has an entry there.
-    details: Vec<u32>,
+    lights: Vec<Light>,
     spots: Vec<SpotCone>,
     areas: Vec<Area>,
     cells: Vec<Cell>,
-    virtual_count: usize,
+    /// Of the virtual lights that are not matte.
     glosses: Vec<Gloss>,
-    /// One a virtual light: index into `glosses`, or [`MATTE`]. Empty when all are matte.
-    gloss_of: Vec<u32>,
-    /// One a virtual light, or empty when all have the same.
-    radii: Vec<f32>,
-    /// The greatest.
+    virtual_count: usize,
+    /// The greatest radius, and whether virtual lights differ in theirs.
     radius: f32,
+    has_radii: bool,
     /// One a virtual light, or empty when nobody asks.
     bounces: Vec<u16>,
     /// Greatest of the triangles' and of the cells' peaks; 0 without any.
     peaks: [f32; 2],
 }
-
-/// Marks a virtual light without gloss.
-const MATTE: u32 = u32::MAX;
 
 impl LightSet {
     /// Adds a point light of `intensity` W/sr, or nothing when it has no power. Returns whether it was added.
@@ -62,7 +69,7 @@ impl LightSet {
     /// On a non-finite or negative number, or after a virtual light was added.
     pub fn push_point(&mut self, position: Vec3, intensity: Vec3) -> bool {
         assert!(position.is_finite(), "point light at {position}");
-        self.push(position, Vec3::ZERO, intensity, LightKind::Omni)
+        self.push(position, Vec3::ZERO, intensity, LightKind::Omni, NONE)
     }
 
     /// Adds parallel light that travels along unit `direction`, of `irradiance` W/m² on a facing surface,
@@ -75,7 +82,13 @@ impl LightSet {
             direction.is_normalized(),
             "directional light along {direction}"
         );
-        self.push(Vec3::ZERO, direction, irradiance, LightKind::Directional)
+        self.push(
+            Vec3::ZERO,
+            direction,
+            irradiance,
+            LightKind::Directional,
+            NONE,
+        )
     }
 
     /// Adds a light at `position` that shines about unit `axis`, with `intensity` W/sr inside the cone; nothing when it
@@ -98,11 +111,11 @@ impl LightSet {
             -1.0 <= cone.cos_outer && cone.cos_outer <= cone.cos_inner && cone.cos_inner <= 1.0,
             "spot light {cone:?}"
         );
-        if cone.cos_outer >= 1.0 || !self.push(position, axis, intensity, LightKind::Spot) {
+        let detail = self.spots.len() as u32;
+        if cone.cos_outer >= 1.0 || !self.push(position, axis, intensity, LightKind::Spot, detail) {
             return false;
         }
         self.spots.push(cone);
-        self.push_detail(self.spots.len());
         true
     }
 
@@ -129,7 +142,8 @@ impl LightSet {
             normal
         };
         let centre = a / 3.0 + b / 3.0 + c / 3.0;
-        if !self.push(centre, normal, light.intensity, LightKind::Triangle) {
+        let (kind, detail) = (LightKind::Triangle, self.areas.len() as u32);
+        if !self.push(centre, normal, light.intensity, kind, detail) {
             return false;
         }
         self.areas.push(Area {
@@ -137,7 +151,6 @@ impl LightSet {
             hi: a.max(b).max(c) + light.offset,
             element: light.element,
         });
-        self.push_detail(self.areas.len());
         self.peaks[0] = self.peaks[0].max(light.peak);
         true
     }
@@ -149,22 +162,16 @@ impl LightSet {
     pub fn push_environment(&mut self, cell: &EnvironmentCell) -> bool {
         assert!(cell.travel.axis.is_normalized(), "environment {cell:?}");
         let (axis, kind) = (cell.travel.axis, LightKind::Environment);
-        if !self.push(Vec3::ZERO, axis, cell.irradiance, kind) {
+        let detail = self.cells.len() as u32;
+        if !self.push(Vec3::ZERO, axis, cell.irradiance, kind, detail) {
             return false;
         }
         self.cells.push(Cell {
             travel: cell.travel,
             element: cell.element,
         });
-        self.push_detail(self.cells.len());
         self.peaks[1] = self.peaks[1].max(cell.peak);
         true
-    }
-
-    /// The light added last has the last of `count` entries in the array of its kind.
-    fn push_detail(&mut self, count: usize) {
-        self.details.resize(self.len() - 1, 0);
-        self.details.push(count as u32 - 1);
     }
 
     /// Adds a virtual light, or nothing when its surface reflects nothing. Returns whether it was added.
@@ -181,46 +188,61 @@ impl LightSet {
         if luminance(intensity) <= 0.0 {
             return false;
         }
-        self.positions.push(light.position);
-        self.axes.push(light.normal);
-        self.intensities.push(intensity);
-        self.kinds.push(LightKind::Virtual);
-        if let Some(gloss) = light.gloss {
+        let detail = light.gloss.map_or(NONE, |gloss| {
             assert!(
                 gloss.peak >= 0.0 && gloss.peak.is_finite() && gloss.alpha > 0.0,
                 "virtual light {light:?}"
             );
-            self.gloss_of.resize(self.virtual_count, MATTE);
-            self.gloss_of.push(self.glosses.len() as u32);
             self.glosses.push(gloss);
-        } else if !self.gloss_of.is_empty() {
-            self.gloss_of.push(MATTE);
-        }
+            self.glosses.len() as u32 - 1
+        });
+        self.lights.push(Light {
+            position: light.position,
+            axis: light.normal,
+            intensity,
+            radius: if self.has_radii { 0.0 } else { self.radius },
+            detail,
+            kind: LightKind::Virtual,
+        });
         self.virtual_count += 1;
         true
     }
 
-    fn push(&mut self, position: Vec3, axis: Vec3, intensity: Vec3, kind: LightKind) -> bool {
+    fn push(
+        &mut self,
+        position: Vec3,
+        axis: Vec3,
+        intensity: Vec3,
+        kind: LightKind,
+        detail: u32,
+    ) -> bool {
         assert!(self.virtual_count == 0, "virtual lights come last");
         check_colour(intensity);
         if luminance(intensity) <= 0.0 {
             return false;
         }
-        self.positions.push(position);
-        self.axes.push(axis);
-        self.intensities.push(intensity);
-        self.kinds.push(kind);
+        self.lights.push(Light {
+            position,
+            axis,
+            intensity,
+            radius: 0.0,
+            detail,
+            kind,
+        });
         true
     }
 
     /// Sets the radius of all virtual lights, in scene units, finite and ≥ 0.
     pub fn set_radius(&mut self, radius: f32) {
-        self.set_radii(Vec::new());
         assert!(
             radius >= 0.0 && radius.is_finite(),
             "virtual light radius {radius}"
         );
-        self.radius = radius;
+        let first = self.first_virtual();
+        for light in &mut self.lights[first..] {
+            light.radius = radius;
+        }
+        (self.radius, self.has_radii) = (radius, false);
     }
 
     /// Sets the radius of each virtual light, in scene units, finite and ≥ 0; of none to leave all with radius 0.
@@ -234,10 +256,15 @@ impl LightSet {
             radii.len(),
             self.virtual_count
         );
+        self.set_radius(0.0);
         let sound = |r: &f32| *r >= 0.0 && r.is_finite();
         assert!(radii.iter().all(sound), "virtual light radii");
+        let first = self.first_virtual();
+        for (light, radius) in self.lights[first..].iter_mut().zip(&radii) {
+            light.radius = *radius;
+        }
         self.radius = radii.iter().copied().fold(0.0, f32::max);
-        self.radii = radii;
+        self.has_radii = !radii.is_empty();
     }
 
     /// Says of each virtual light how many surfaces its light has met, its own counted.
@@ -272,52 +299,41 @@ impl LightSet {
 
     /// The radius that half of the virtual lights exceed, or all have; 0 when there are none.
     pub fn median_radius(&self) -> f32 {
-        let mut radii = self.radii.clone();
-        if radii.is_empty() {
+        if !self.has_radii {
             return self.radius;
         }
+        let virtual_lights = &self.lights[self.first_virtual()..];
+        let mut radii: Vec<f32> = virtual_lights.iter().map(|light| light.radius).collect();
         let middle = radii.len() / 2;
         *radii.select_nth_unstable_by(middle, f32::total_cmp).1
     }
 
     /// Whether virtual lights differ in radius.
     pub fn has_radii(&self) -> bool {
-        !self.radii.is_empty()
+        self.has_radii
     }
 
     /// Radius of virtual light `id`.
     #[inline]
     pub fn radius(&self, id: LightId) -> f32 {
-        if self.radii.is_empty() {
-            self.radius
-        } else {
-            self.radii[id.index() - self.first_virtual()]
-        }
+        self.lights[id.index()].radius
     }
 
     /// How virtual light `id` shines; `None` when it is matte, or of another kind.
     #[inline]
     pub fn gloss(&self, id: LightId) -> Option<&Gloss> {
-        if self.glosses.is_empty() {
-            return None;
+        let Light { kind, detail, .. } = self.lights[id.index()];
+        match kind {
+            LightKind::Virtual => self.glosses.get(detail as usize),
+            _ => None,
         }
-        let at = id.index().checked_sub(self.first_virtual())?;
-        self.glosses.get(self.gloss_of[at] as usize)
     }
 
     /// Asks for what light `id` is evaluated by: who asks for several before evaluating the first waits once for all. The
     /// gloss of a virtual light lies behind an index, and is not among it.
     #[inline]
     pub fn prefetch(&self, id: LightId) {
-        let i = id.index();
-        prefetch(self.kinds.get(i));
-        prefetch(self.positions.get(i));
-        prefetch(self.axes.get(i));
-        prefetch(self.intensities.get(i));
-        if let Some(i) = i.checked_sub(self.first_virtual()) {
-            prefetch(self.radii.get(i));
-            prefetch(self.gloss_of.get(i));
-        }
+        prefetch(self.lights.get(id.index()));
     }
 
     /// Number of virtual lights that are not matte.
@@ -332,12 +348,12 @@ impl LightSet {
 
     /// Number of lights.
     pub fn len(&self) -> usize {
-        self.positions.len()
+        self.lights.len()
     }
 
     /// Whether there is no light: legal, and black.
     pub fn is_empty(&self) -> bool {
-        self.positions.is_empty()
+        self.lights.is_empty()
     }
 
     /// Number of virtual lights; they are the last ones.
@@ -347,32 +363,32 @@ impl LightSet {
 
     /// Number of lights of `kind`.
     pub fn count(&self, kind: LightKind) -> usize {
-        self.kinds.iter().filter(|&&k| k == kind).count()
+        self.lights.iter().filter(|l| l.kind == kind).count()
     }
 
     /// World-space position, the centre of a triangle; the origin for distant lights.
     #[inline]
     pub fn position(&self, id: LightId) -> Vec3 {
-        self.positions[id.index()]
+        self.lights[id.index()].position
     }
 
     /// Unit surface normal of a virtual light or a triangle, axis of a spot, direction in which distant light travels
     /// (for a cell from its middle), zero for omni lights.
     #[inline]
     pub fn axis(&self, id: LightId) -> Vec3 {
-        self.axes[id.index()]
+        self.lights[id.index()].axis
     }
 
     /// RGB intensity (W/sr) along the axis, or irradiance (W/m²) of distant light.
     #[inline]
     pub fn intensity(&self, id: LightId) -> Vec3 {
-        self.intensities[id.index()]
+        self.lights[id.index()].intensity
     }
 
     /// Kind of light.
     #[inline]
     pub fn kind(&self, id: LightId) -> LightKind {
-        self.kinds[id.index()]
+        self.lights[id.index()].kind
     }
 
     /// Whether the light is one of the scene's own, and none that stands for what a surface sends on.
@@ -458,7 +474,7 @@ impl LightSet {
 
     #[inline]
     fn detail(&self, id: LightId) -> usize {
-        self.details[id.index()] as usize
+        self.lights[id.index()].detail as usize
     }
 
     /// The virtual light as it was stored; `None` for other kinds.
@@ -478,12 +494,10 @@ impl LightSet {
 
     /// Heap memory in bytes.
     pub fn bytes(&self) -> usize {
-        self.len() * (3 * size_of::<Vec3>() + size_of::<LightKind>())
-            + self.details.len() * size_of::<u32>()
+        self.len() * size_of::<Light>()
             + self.spots.len() * size_of::<SpotCone>()
             + self.areas.len() * size_of::<Area>()
             + self.cells.len() * size_of::<Cell>()
-            + (self.gloss_of.len() + self.radii.len()) * size_of::<u32>()
             + self.bounces.len() * size_of::<u16>()
             + self.glosses.len() * size_of::<Gloss>()
     }

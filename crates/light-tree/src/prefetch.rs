@@ -8,11 +8,14 @@ pub(crate) fn prefetch<T>(value: Option<&T>) {
     if let Some(value) = value {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let address = std::ptr::from_ref(value).cast::<i8>();
-        for line in 0..size_of::<T>().div_ceil(64) {
+        // A value that is not aligned to lines may end in one more.
+        let lines = (size_of::<T>() + 64 - align_of::<T>().min(64)).div_ceil(64);
+        for line in 0..lines {
             #[allow(unsafe_code, reason = "the only way to prefetch")]
             // SAFETY: a prefetch reads nothing the program can see and never faults.
             unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line));
+                let byte = (64 * line).min(size_of::<T>() - 1);
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(byte));
             }
         }
     }
