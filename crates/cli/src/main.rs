@@ -15,6 +15,8 @@ mod interrupt;
 mod job;
 mod limits;
 mod machine;
+#[cfg(all(target_os = "linux", not(test)))]
+mod memory;
 mod merge;
 mod output;
 mod prepared;
@@ -33,6 +35,10 @@ use clap::builder::styling::AnsiColor;
 
 use args::{Arguments, Command};
 use error::CliError;
+
+#[cfg(all(target_os = "linux", not(test)))]
+#[global_allocator]
+static MEMORY: memory::LargePages = memory::LargePages;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
