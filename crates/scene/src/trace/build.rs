@@ -10,10 +10,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 
-use super::bvh8::{Bvh8, Node8, WIDTH};
+use super::bvh8::{Bvh8, WIDTH};
 use super::cutout::Cutouts;
 use super::forest::Forests;
-use super::triangle::{BLOCK, TriangleBlock};
+use super::triangle::{BLOCK, block_of};
 use crate::Mesh;
 use crate::tagged::Tagged;
 
@@ -156,17 +156,11 @@ impl Build<'_> {
             .fold(Aabb::empty(), |all, &t| all.union(&bounds(self.mesh, t)))
     }
 
-    fn push_node(&mut self) -> u32 {
-        self.bvh.nodes.push(Node8::EMPTY);
-        self.bvh.nodes.len() as u32 - 1
-    }
-
     fn push_block(&mut self, triangles: &[u32]) -> u32 {
-        let mut block = TriangleBlock::EMPTY;
-        for (k, &t) in triangles.iter().enumerate() {
-            let corners = self.mesh.corners(t as usize);
-            block.set(k, corners, t, self.cutouts.is_mapped(t as usize));
-        }
+        let block = block_of(triangles.iter().map(|&t| {
+            let at = t as usize;
+            (self.mesh.corners(at), t, self.cutouts.is_mapped(at))
+        }));
         self.bvh.push_block(block)
     }
 
@@ -177,7 +171,7 @@ impl Build<'_> {
             let leaf = &binary.nodes[leaf as usize];
             primitives_of(binary, leaf).iter().map(count).sum()
         });
-        let root = self.push_node();
+        let root = self.bvh.push_node();
         // (wide node to fill, its binary nodes, depth)
         let mut work = vec![(root, forests.members(binary, 0), 1)];
         while let Some((wide, members, depth)) = work.pop() {
@@ -187,7 +181,7 @@ impl Build<'_> {
             for (slot, &member) in members.iter().enumerate() {
                 let node = &binary.nodes[member as usize];
                 let link = if !forests.is_block(member) {
-                    let child = self.push_node();
+                    let child = self.bvh.push_node();
                     work.push((child, forests.members(binary, member), depth + 1));
                     child
                 } else {
@@ -199,7 +193,7 @@ impl Build<'_> {
                     }
                 };
                 let bounds = node.aabb();
-                self.bvh.nodes[wide as usize].set(slot, bounds.min, bounds.max, link);
+                self.bvh.set(wide, slot, bounds.min, bounds.max, link);
             }
         }
         Some(())
@@ -208,7 +202,7 @@ impl Build<'_> {
     /// Adds an 8-ary tree over `triangles` in their order, of logarithmic depth wherever they are, and returns the link to it.
     #[cold]
     fn evenly(&mut self, triangles: &[u32]) -> u32 {
-        let root = self.push_node();
+        let root = self.bvh.push_node();
         let mut work = vec![(root, 0..triangles.len())];
         while let Some((wide, range)) = work.pop() {
             let step = range.len().div_ceil(WIDTH).max(BLOCK);
@@ -218,11 +212,11 @@ impl Build<'_> {
                 let link = if part.len() <= BLOCK {
                     self.push_block(&triangles[part])
                 } else {
-                    let child = self.push_node();
+                    let child = self.bvh.push_node();
                     work.push((child, part));
                     child
                 };
-                self.bvh.nodes[wide as usize].set(slot, bounds.min, bounds.max, link);
+                self.bvh.set(wide, slot, bounds.min, bounds.max, link);
             }
         }
         root

@@ -8,9 +8,9 @@
 //! depends on where a ray is. Whose turn it is stands in the bits of a register: read from memory it would wait for all that
 //! the turns before have written, and the processor could not work on several rays at once.
 
-use super::bvh8::{self, Bvh8, NOWHERE, Node8, NodeRay, Stack};
+use super::bvh8::{self, NOWHERE, NodeRay, Stack};
 use super::single::bits;
-use super::triangle::{TriangleBlock, WatertightRay};
+use super::triangle::WatertightRay;
 use super::width::{Four, Width};
 use super::{Ray, Tracer};
 
@@ -56,7 +56,7 @@ impl Tracer {
     pub fn occluded(&self, rays: &[Ray], answers: &mut [bool], scratch: &mut OcclusionScratch) {
         assert_eq!(rays.len(), answers.len(), "one answer a ray");
         answers.fill(false);
-        if self.bvh.nodes.is_empty() {
+        if self.bvh.rows.is_empty() {
             return;
         }
         #[cfg(target_arch = "x86_64")]
@@ -112,21 +112,20 @@ impl Tracer {
             }
             for l in bits(std::mem::take(&mut turns.inner)) {
                 let lane = &mut lanes[l];
-                let node = &self.bvh.nodes[lane.link as usize];
+                let node = self.bvh.node(lane.link);
                 let mask = width.meet(node, &lane.query, lane.t_max, &mut [0.0; bvh8::WIDTH]);
                 lane.top = width.push(node, mask, &mut lane.stack, lane.top);
                 lane.pop();
-                prefetch(&self.bvh, lane.link);
+                self.bvh.prefetch(lane.link);
                 turns.file(l, lane.link);
             }
             for l in bits(std::mem::take(&mut turns.blocks)) {
                 let lane = &mut lanes[l];
-                let block = bvh8::index_of(lane.link);
-                let is_stopped = self.block_stops(block, &lane.watertight, lane.t_max);
+                let is_stopped = self.block_stops(lane.link, &lane.watertight, lane.t_max);
                 answers[lane.index] = is_stopped;
                 lane.pop();
                 lane.link |= u32::from(is_stopped).wrapping_neg() & NOWHERE;
-                prefetch(&self.bvh, lane.link);
+                self.bvh.prefetch(lane.link);
                 turns.file(l, lane.link);
             }
         }
@@ -178,29 +177,4 @@ impl Lane {
         self.top -= 1;
         self.link = self.stack[self.top];
     }
-}
-
-/// Asks for the memory that `link` will read; nothing where the processor offers no way to.
-#[inline(always)]
-fn prefetch(bvh: &Bvh8, link: u32) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // Four cache lines are a node, and one more than a block: a number that depended on the link would be a branch.
-        let (first, size) = if bvh8::is_inner(link) {
-            (bvh.nodes.as_ptr().cast::<i8>(), size_of::<Node8>())
-        } else {
-            (bvh.blocks.as_ptr().cast::<i8>(), size_of::<TriangleBlock>())
-        };
-        let address = first.wrapping_add(bvh8::index_of(link) * size);
-        for line in 0..4 {
-            #[allow(unsafe_code, reason = "the only way to prefetch")]
-            // SAFETY: a prefetch reads nothing the program can see and never faults, whatever the address.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line));
-            }
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (bvh, link);
 }

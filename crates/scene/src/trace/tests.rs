@@ -320,15 +320,16 @@ fn wide_and_narrow_instructions_give_the_same_bits() {
     let rays = rays_through(&scene, many);
     let bits =
         |hit: Option<Hit>| hit.map(|h| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits()));
+    let mut aside = single::NONE_ASIDE;
     for ray in &rays {
         assert_eq!(
             bits(tracer.closest(ray)),
-            bits(tracer.closest_with(Four, ray)),
+            bits(tracer.closest_with(Four, ray, &mut aside)),
             "closest hit of {ray:?}"
         );
         assert_eq!(
             tracer.is_occluded(ray),
-            tracer.is_occluded_with(Four, ray),
+            tracer.is_occluded_with(Four, ray, &mut aside),
             "occlusion of {ray:?}"
         );
     }
@@ -354,7 +355,7 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
     let mut work = vec![(0, Vec3::NEG_INFINITY, Vec3::INFINITY)];
     while let Some((link, lo, hi)) = work.pop() {
         if !bvh8::is_inner(link) {
-            for id in tracer.bvh.blocks[bvh8::index_of(link)].ids() {
+            for id in tracer.bvh.block(link).ids() {
                 found[id as usize] += 1;
                 for corner in scene.mesh.corners(id as usize) {
                     let is_within = corner.cmpge(lo).all() && corner.cmple(hi).all();
@@ -363,11 +364,15 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
             }
             continue;
         }
-        let node = &tracer.bvh.nodes[link as usize];
-        for (slot, &link) in node.links.iter().enumerate() {
-            let [x, y, z, to_x, to_y, to_z] = node.bounds.map(|row| row[slot]);
+        let node = tracer.bvh.node(link);
+        for slot in 0..bvh8::WIDTH {
+            let [x, y, z, to_x, to_y, to_z] = [0, 1, 2, 3, 4, 5].map(|row| node.bounds(row)[slot]);
             if x.is_finite() {
-                work.push((link, Vec3::new(x, y, z), Vec3::new(to_x, to_y, to_z)));
+                work.push((
+                    node.link(slot),
+                    Vec3::new(x, y, z),
+                    Vec3::new(to_x, to_y, to_z),
+                ));
             }
         }
     }
@@ -379,10 +384,18 @@ fn each_triangle_is_in_one_block_within_the_boxes_above_it() {
 #[test]
 fn nodes_are_filled() {
     let scene = crate::load::load(NAVE.as_ref()).expect("is built in");
-    let nodes = Tracer::build(&scene).bvh.nodes;
-    let used = |node: &bvh8::Node8| node.bounds[0].iter().filter(|x| x.is_finite()).count();
-    let children: usize = nodes.iter().map(used).sum();
-    let mean = children as f64 / nodes.len() as f64;
+    let bvh = Tracer::build(&scene).bvh;
+    let (mut nodes, mut children) = (0, 0);
+    let mut work = vec![0];
+    while let Some(link) = work.pop() {
+        let node = bvh.node(link);
+        let used = (0..bvh8::WIDTH).filter(|&k| node.bounds(0)[k].is_finite());
+        let links: Vec<u32> = used.map(|k| node.link(k)).collect();
+        nodes += 1;
+        children += links.len();
+        work.extend(links.into_iter().filter(|&link| bvh8::is_inner(link)));
+    }
+    let mean = children as f64 / nodes as f64;
     assert!(mean > 5.5, "{mean} children a node");
 }
 

@@ -3,22 +3,24 @@
 use glam::{Vec3, Vec4};
 
 use super::Ray;
+use super::bvh8::{Row, WIDTH};
 
 /// Triangles of a block.
 pub(crate) const BLOCK: usize = 4;
 
-/// Up to four triangles as rays read them, coordinate by coordinate: original corners, so that neighbours
-/// compute a shared edge from the same numbers. An empty place holds a point, which nothing meets.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
-pub(crate) struct TriangleBlock {
-    a: [Vec4; 3],
-    b: [Vec4; 3],
-    c: [Vec4; 3],
-    /// Indices into the mesh, with [`CUTOUT`] where hits must ask the opacity map.
-    tags: [u32; BLOCK],
-}
+/// Rows of a block.
+pub(crate) const BLOCK_ROWS: usize = 5;
+/// Half a row: a number for each triangle.
+const HALF: usize = 4;
+/// Half rows of three corners, coordinate by coordinate; the last holds tags.
+const TAGS: usize = 9;
 
+/// Up to four triangles as rays read them: original corners, so that neighbours compute a shared edge from the same
+/// numbers. An empty place holds a point, which nothing meets.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TriangleBlock<'a>(pub(crate) &'a [Row; BLOCK_ROWS]);
+
+/// Set in the tag of a triangle whose hits must ask the opacity map; the other bits are its index into the mesh.
 const CUTOUT: u32 = 1 << 31;
 
 /// A ray prepared for triangle tests.
@@ -106,49 +108,57 @@ impl BlockHits {
     }
 }
 
-impl TriangleBlock {
-    pub(crate) const EMPTY: Self = Self {
-        a: [Vec4::ZERO; 3],
-        b: [Vec4::ZERO; 3],
-        c: [Vec4::ZERO; 3],
-        tags: [0; BLOCK],
-    };
+/// The block of up to four triangles: their corners, indices, and whether they have an opacity map.
+pub(super) fn block_of(
+    triangles: impl Iterator<Item = ([Vec3; 3], u32, bool)>,
+) -> [Row; BLOCK_ROWS] {
+    let mut block = [Row([0.0; WIDTH]); BLOCK_ROWS];
+    let mut set = |at: usize, k: usize, value: f32| block[at / 2].0[at % 2 * HALF + k] = value;
+    for (k, (corners, id, is_cutout)) in triangles.enumerate() {
+        assert!(
+            k < BLOCK && id < CUTOUT,
+            "triangle index {id} does not fit 31 bits"
+        );
+        let coordinates = corners.iter().flat_map(|corner| corner.to_array());
+        coordinates.enumerate().for_each(|(at, x)| set(at, k, x));
+        let tag = id | if is_cutout { CUTOUT } else { 0 };
+        set(TAGS, k, f32::from_bits(tag));
+    }
+    block
+}
 
-    /// Puts triangle `id` into place `k`.
-    pub(crate) fn set(&mut self, k: usize, corners: [Vec3; 3], id: u32, cutout: bool) {
-        assert!(id < CUTOUT, "triangle index {id} does not fit 31 bits");
-        for (to, from) in [&mut self.a, &mut self.b, &mut self.c]
-            .into_iter()
-            .zip(corners)
-        {
-            for axis in 0..3 {
-                to[axis][k] = from[axis];
-            }
-        }
-        self.tags[k] = id | if cutout { CUTOUT } else { 0 };
+impl<'a> TriangleBlock<'a> {
+    #[inline(always)]
+    fn half(self, at: usize) -> &'a [f32] {
+        &self.0[at / 2].0[at % 2 * HALF..][..HALF]
     }
 
     #[inline(always)]
-    pub(crate) fn id(&self, k: usize) -> u32 {
-        self.tags[k] & !CUTOUT
+    fn corner(self, corner: usize) -> Vectors {
+        [0, 1, 2].map(|axis| Vec4::from_slice(self.half(3 * corner + axis)))
+    }
+
+    #[inline(always)]
+    fn tag(self, k: usize) -> u32 {
+        self.half(TAGS)[k].to_bits()
+    }
+
+    #[inline(always)]
+    pub(crate) fn id(self, k: usize) -> u32 {
+        self.tag(k) & !CUTOUT
     }
 
     /// The triangles in places that are not empty.
     #[cfg(test)]
-    pub(crate) fn ids(&self) -> Vec<u32> {
-        let is_empty = |k: usize| {
-            [self.a, self.b, self.c]
-                .iter()
-                .flatten()
-                .all(|v| v[k] == 0.0)
-        };
+    pub(crate) fn ids(self) -> Vec<u32> {
+        let is_empty = |k: usize| (0..TAGS).all(|at| self.half(at)[k] == 0.0);
         let used = (0..BLOCK).filter(|&k| !is_empty(k));
         used.map(|k| self.id(k)).collect()
     }
 
     #[inline(always)]
-    pub(crate) fn is_cutout(&self, k: usize) -> bool {
-        self.tags[k] & CUTOUT != 0
+    pub(crate) fn is_cutout(self, k: usize) -> bool {
+        self.tag(k) & CUTOUT != 0
     }
 
     /// Hits with 0 < t < `t_max`. Both sides count; a ray in a triangle's plane misses it.
@@ -156,12 +166,12 @@ impl TriangleBlock {
     /// The sign of each Plücker product tells on which side of an edge the ray passes; a neighbour computes
     /// the exact negative for a shared edge. Source: Davidovič et al. 2012, "3D Rasterization".
     #[inline(always)]
-    pub(crate) fn intersect(&self, ray: &WatertightRay, t_max: f32) -> BlockHits {
+    pub(crate) fn intersect(self, ray: &WatertightRay, t_max: f32) -> BlockHits {
         let (origin, direction) = (splat(ray.origin), splat(ray.direction));
         let (a, b, c) = (
-            minus(self.a, origin),
-            minus(self.b, origin),
-            minus(self.c, origin),
+            minus(self.corner(0), origin),
+            minus(self.corner(1), origin),
+            minus(self.corner(2), origin),
         );
         let (ca, ab, bc) = (minus(c, a), minus(a, b), minus(b, c));
         // Weight of b is the volume spanned with the edge c–a, and so on.

@@ -10,13 +10,13 @@ use super::bvh8::{FAR_SLACK, Lanes, Node8, NodeRay, OrderedRay, Stack, WIDTH};
 pub(crate) trait Width: Copy {
     /// The children that the ray meets before `t_max`, which is finite, bit by bit, and how far away; what `near` holds
     /// for others means nothing.
-    fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32;
+    fn meet(self, node: Node8<'_>, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32;
 
     /// The same with fewer steps one after another, and some work once a ray: for a ray that waits for the answer.
-    fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32;
+    fn meet_ordered(self, node: Node8<'_>, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32;
 
     /// Puts the links of the children in `mask` on the stack, in their order, and returns its new height.
-    fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize;
+    fn push(self, node: Node8<'_>, mask: u32, stack: &mut Stack, top: usize) -> usize;
 }
 
 /// For each mask the numbers of its bits, the lowest first.
@@ -43,10 +43,10 @@ pub(crate) struct Four;
 
 impl Width for Four {
     #[inline(always)]
-    fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
+    fn meet(self, node: Node8<'_>, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
         let mut mask = 0;
         for half in 0..2 {
-            let row = |r: usize| Vec4::from_slice(&node.bounds[r][4 * half..]);
+            let row = |r: usize| Vec4::from_slice(&node.bounds(r)[4 * half..]);
             let (mut from, mut to) = (Vec4::ZERO, Vec4::INFINITY);
             for axis in 0..3 {
                 let origin = Vec4::splat(ray.origin[axis]);
@@ -64,11 +64,11 @@ impl Width for Four {
     }
 
     #[inline(always)]
-    fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32 {
+    fn meet_ordered(self, node: Node8<'_>, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32 {
         let mut mask = 0;
         for half in 0..2 {
             let plane = |axis: usize, side: usize, inverse: Vec3| {
-                let row = &node.bounds[ray.rows[axis][side] as usize];
+                let row = node.bounds(ray.rows[axis][side] as usize);
                 let row = Vec4::from_slice(&row[4 * half..]);
                 (row - Vec4::splat(ray.ray.origin[axis])) * Vec4::splat(inverse[axis])
             };
@@ -85,11 +85,11 @@ impl Width for Four {
     }
 
     #[inline(always)]
-    fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize {
+    fn push(self, node: Node8<'_>, mask: u32, stack: &mut Stack, top: usize) -> usize {
         let order = &BITS[mask as usize & 255];
         // All eight are written, whatever the mask: no branch to mispredict.
         for (to, &k) in stack[top..top + WIDTH].iter_mut().zip(order) {
-            *to = node.links[k as usize & (WIDTH - 1)];
+            *to = node.link(k as usize & (WIDTH - 1));
         }
         top + mask.count_ones() as usize
     }
@@ -128,11 +128,11 @@ mod eight {
 
     impl Width for Eight {
         #[inline(always)]
-        fn meet(self, node: &Node8, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
+        fn meet(self, node: Node8<'_>, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
             // SAFETY: `self` proves AVX2; rows are 32 bytes at multiples of 32 in a node aligned to 64, and `near` holds
             // eight numbers.
             unsafe {
-                let row = |r: usize| _mm256_load_ps(node.bounds[r].as_ptr());
+                let row = |r: usize| _mm256_load_ps(node.bounds(r).as_ptr());
                 let (mut from, mut to) = (_mm256_setzero_ps(), _mm256_set1_ps(f32::INFINITY));
                 for axis in 0..3 {
                     let origin = _mm256_set1_ps(ray.origin[axis]);
@@ -150,11 +150,17 @@ mod eight {
         }
 
         #[inline(always)]
-        fn meet_ordered(self, node: &Node8, ray: &OrderedRay, t_max: f32, near: &mut Lanes) -> u32 {
+        fn meet_ordered(
+            self,
+            node: Node8<'_>,
+            ray: &OrderedRay,
+            t_max: f32,
+            near: &mut Lanes,
+        ) -> u32 {
             // SAFETY: as in `meet`.
             unsafe {
                 let plane = |axis: usize, side: usize, inverse: Vec3| {
-                    let row = &node.bounds[ray.rows[axis][side] as usize];
+                    let row = node.bounds(ray.rows[axis][side] as usize);
                     let origin = _mm256_set1_ps(ray.ray.origin[axis]);
                     let way = _mm256_sub_ps(_mm256_load_ps(row.as_ptr()), origin);
                     _mm256_mul_ps(way, _mm256_set1_ps(inverse[axis]))
@@ -171,13 +177,13 @@ mod eight {
         }
 
         #[inline(always)]
-        fn push(self, node: &Node8, mask: u32, stack: &mut Stack, top: usize) -> usize {
+        fn push(self, node: Node8<'_>, mask: u32, stack: &mut Stack, top: usize) -> usize {
             let order = &BITS[mask as usize & 255];
             let to = &mut stack[top..top + WIDTH];
             // SAFETY: `self` proves AVX2; `order` has eight bytes, `links` 32, and `to` room for eight numbers.
             unsafe {
                 let order = _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()));
-                let links = _mm256_loadu_si256(node.links.as_ptr().cast());
+                let links = _mm256_loadu_si256(node.links().as_ptr().cast());
                 let packed = _mm256_permutevar8x32_epi32(links, order);
                 _mm256_storeu_si256(to.as_mut_ptr().cast(), packed);
             }
