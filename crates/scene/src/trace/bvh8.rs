@@ -82,14 +82,14 @@ impl OrderedRay {
     pub(crate) fn of(origin: Vec3, direction: Vec3) -> Self {
         let ray = NodeRay::of(origin, direction);
         let is_backward = ray.inverse.cmplt(Vec3::ZERO);
-        let rows = [0, 1, 2].map(|axis| match is_backward.test(axis.into()) {
+        let rows = |axis: u8| match is_backward.test(axis.into()) {
             true => [axis + 3, axis],
             false => [axis, axis + 3],
-        });
+        };
         Self {
             ray,
             inverse_far: ray.inverse * FAR_SLACK,
-            rows,
+            rows: [rows(0), rows(1), rows(2)],
         }
     }
 }

@@ -135,7 +135,9 @@ impl<'a> TriangleBlock<'a> {
 
     #[inline(always)]
     fn corner(self, corner: usize) -> Vectors {
-        [0, 1, 2].map(|axis| Vec4::from_slice(self.half(3 * corner + axis)))
+        let axis = |axis| Vec4::from_slice(self.half(3 * corner + axis));
+        // `map` of arrays is at times a call, which vectors of eight do not survive.
+        [axis(0), axis(1), axis(2)]
     }
 
     #[inline(always)]
