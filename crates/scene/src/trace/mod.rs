@@ -8,6 +8,7 @@ mod build;
 mod bvh8;
 mod cutout;
 mod forest;
+mod nearest;
 mod occlusion;
 mod single;
 mod triangle;
@@ -18,6 +19,7 @@ use glam::Vec3;
 use crate::Scene;
 use bvh8::Bvh8;
 use cutout::Cutouts;
+pub use nearest::NearestScratch;
 pub use occlusion::OcclusionScratch;
 
 /// A ray, or with `t_max` = 1 the segment from `origin` to `origin + direction`.

@@ -15,10 +15,10 @@ use super::width::{Four, Width};
 use super::{Ray, Tracer};
 
 /// Rays that take turns, one for each bit of a [`LaneSet`].
-const LANES: usize = 32;
+pub(super) const LANES: usize = 32;
 
 /// Lane l is in it when bit l is set.
-type LaneSet = u32;
+pub(super) type LaneSet = u32;
 
 /// A ray under way.
 #[derive(Debug, Clone)]
@@ -36,10 +36,10 @@ struct Lane {
 }
 
 /// The lanes by what they do next.
-struct Turns {
-    idle: LaneSet,
-    inner: LaneSet,
-    blocks: LaneSet,
+pub(super) struct Turns {
+    pub(super) idle: LaneSet,
+    pub(super) inner: LaneSet,
+    pub(super) blocks: LaneSet,
 }
 
 /// Memory for [`Tracer::occluded`], kept between calls.
@@ -97,11 +97,7 @@ impl Tracer {
         scratch.lanes.resize(LANES, Lane::idle());
         let lanes = &mut scratch.lanes[..];
         let mut waiting = rays.iter().enumerate();
-        let mut turns = Turns {
-            idle: LaneSet::MAX,
-            inner: 0,
-            blocks: 0,
-        };
+        let mut turns = Turns::all_idle();
         loop {
             for (l, (index, ray)) in bits(std::mem::take(&mut turns.idle)).zip(&mut waiting) {
                 lanes[l].start(ray, index);
@@ -133,9 +129,17 @@ impl Tracer {
 }
 
 impl Turns {
+    pub(super) fn all_idle() -> Self {
+        Self {
+            idle: LaneSet::MAX,
+            inner: 0,
+            blocks: 0,
+        }
+    }
+
     /// Gives lane `l` the turn that `link` asks for, without a branch.
     #[inline(always)]
-    fn file(&mut self, l: usize, link: u32) {
+    pub(super) fn file(&mut self, l: usize, link: u32) {
         let (is_nowhere, is_inner) = (link == NOWHERE, bvh8::is_inner(link));
         self.idle |= LaneSet::from(is_nowhere) << l;
         self.inner |= LaneSet::from(is_inner) << l;

@@ -246,7 +246,12 @@ impl Tracer {
 
     /// Whether a hit on triangle `k` of `block` is on a part of it that is there; `hit` is asked for where that depends on it.
     #[inline(always)]
-    fn is_solid(&self, block: TriangleBlock<'_>, k: usize, hit: impl Fn() -> TriangleHit) -> bool {
+    pub(super) fn is_solid(
+        &self,
+        block: TriangleBlock<'_>,
+        k: usize,
+        hit: impl Fn() -> TriangleHit,
+    ) -> bool {
         !block.is_cutout(k) || {
             let TriangleHit { u, v, .. } = hit();
             self.cutouts.is_solid(block.id(k), u, v)

@@ -7,6 +7,13 @@ use super::width::Four;
 use super::*;
 use crate::{MaterialId, Mesh};
 
+const NO_HIT: Hit = Hit {
+    t: 0.0,
+    triangle: u32::MAX,
+    u: 0.0,
+    v: 0.0,
+};
+
 fn scene_of(positions: Vec<Vec3>, indices: Vec<[u32; 3]>) -> Scene {
     let materials = vec![MaterialId(0); indices.len()];
     Scene {
@@ -126,7 +133,12 @@ fn no_hit_of_brute_force_is_missed() {
     let rays = rays_through(&scene, 2000);
     let mut answers = vec![false; rays.len()];
     tracer.occluded(&rays, &mut answers, &mut OcclusionScratch::default());
-    for (ray, occluded) in rays.iter().zip(&answers) {
+    // What an earlier call left does not matter.
+    let mut hits = vec![Some(NO_HIT); rays.len()];
+    let mut scratch = NearestScratch::default();
+    tracer.nearest(&rays[..7], &mut hits[..7], &mut scratch);
+    tracer.nearest(&rays, &mut hits, &mut scratch);
+    for ((ray, occluded), queued) in rays.iter().zip(&answers).zip(hits) {
         let t_max = f64::from(ray.t_max);
         // Clear of edges and ends by more than rounding.
         let nearest = (0..scene.mesh.len())
@@ -135,6 +147,11 @@ fn no_hit_of_brute_force_is_missed() {
             .map(|(t, _)| t)
             .fold(f64::INFINITY, f64::min);
         let hit = tracer.closest(ray);
+        assert_eq!(
+            hit.map(|hit| hit.t),
+            queued.map(|hit| hit.t),
+            "one by one and in a batch {ray:?} goes as far"
+        );
         let alone = tracer.is_occluded(ray);
         assert_eq!(
             alone, *occluded,
@@ -258,6 +275,9 @@ fn an_empty_scene_stops_no_ray() {
         tracer.closest(&ray).is_none() && !tracer.is_occluded(&ray),
         "nothing is there"
     );
+    let mut hits = [Some(NO_HIT)];
+    tracer.nearest(&[ray], &mut hits, &mut NearestScratch::default());
+    assert_eq!(hits, [None], "nor in a batch");
 }
 
 #[test]
@@ -298,6 +318,14 @@ fn a_mapped_hole_lets_rays_through_and_its_surround_does_not() {
         tracer.is_occluded(&ray(0.75)) && tracer.closest(&ray(0.75)).is_some(),
         "the surround"
     );
+    let rays = [0.25, 0.75].map(ray);
+    let mut hits = [None; 2];
+    tracer.nearest(&rays, &mut hits, &mut NearestScratch::default());
+    assert_eq!(
+        hits,
+        rays.map(|ray| tracer.closest(&ray)),
+        "both in a batch"
+    );
 
     scene.materials[0] = crate::Material {
         opacity: 0.1,
@@ -337,6 +365,21 @@ fn wide_and_narrow_instructions_give_the_same_bits() {
     tracer.occluded(&rays, &mut wide, &mut OcclusionScratch::default());
     tracer.occluded_with(Four, &rays, &mut narrow, &mut OcclusionScratch::default());
     assert!(wide == narrow, "queued rays");
+    let (mut wide_hits, mut narrow_hits) = (vec![None; rays.len()], vec![None; rays.len()]);
+    tracer.nearest(&rays, &mut wide_hits, &mut NearestScratch::default());
+    tracer.nearest_with(
+        Four,
+        &rays,
+        &mut narrow_hits,
+        &mut NearestScratch::default(),
+    );
+    assert!(
+        wide_hits
+            .into_iter()
+            .map(bits)
+            .eq(narrow_hits.into_iter().map(bits)),
+        "queued rays' nearest hits"
+    );
     let hits = wide.iter().filter(|hit| **hit).count();
     assert!(
         hits > many / 20 && hits < many * 9 / 10,
