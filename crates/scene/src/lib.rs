@@ -36,6 +36,7 @@ mod error;
 pub mod load;
 mod material;
 mod mesh;
+mod prefetch;
 mod surface;
 mod tagged;
 mod texture;

@@ -4,6 +4,8 @@ use glam::{Vec2, Vec3};
 
 use crate::brdf::Brdf;
 use crate::material::Texels;
+use crate::mesh::at;
+use crate::prefetch::prefetch;
 use crate::trace::Hit;
 use crate::{ABSENT, Channel, MaterialId, Scene};
 
@@ -44,7 +46,7 @@ impl Scene {
             .normalize_or_zero()
             .as_vec3();
         let uvs = match self.mesh.uv_indices.get(t) {
-            Some(uv) if uv[0] != ABSENT => Some(uv.map(|i| self.mesh.uvs[i as usize])),
+            Some(uv) if uv[0] != ABSENT => Some(at(&self.mesh.uvs, *uv)),
             _ => None,
         };
         let uv = uvs.map_or(Vec2::ZERO, |uv| {
@@ -52,7 +54,7 @@ impl Scene {
         });
         let smooth = match self.mesh.normal_indices.get(t) {
             Some(n) if n[0] != ABSENT => {
-                let n = n.map(|i| self.mesh.normals[i as usize]);
+                let n = at(&self.mesh.normals, *n);
                 (n[0] * weights[0] + n[1] * weights[1] + n[2] * weights[2]).normalize_or(ng)
             }
             _ => ng,
@@ -84,7 +86,7 @@ impl Scene {
         };
         let tint = match self.mesh.colour_indices.get(t) {
             Some(c) if c[0] != ABSENT => {
-                let c = c.map(|i| self.mesh.colours[i as usize]);
+                let c = at(&self.mesh.colours, *c);
                 c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2]
             }
             _ => Vec3::ONE,
@@ -102,14 +104,60 @@ impl Scene {
             ns,
             brdf: m.brdf(&texels),
             material,
-            offset: self.ray_offset(t),
+            offset: ray_offset([a, b, c]),
+        }
+    }
+
+    /// Asks for what the surfaces of the first of `hits` are made of, some of them further ahead than others: who asks before
+    /// each of a row of surfaces finds all in the cache.
+    #[inline]
+    pub fn expect(&self, hits: &[Option<Hit>]) {
+        const AHEAD: usize = 8;
+        let triangle = |ahead: usize| hits.get(ahead).copied().flatten();
+        let mesh = &self.mesh;
+        if let Some(hit) = triangle(3 * AHEAD) {
+            let t = hit.triangle as usize;
+            prefetch(mesh.indices.get(t));
+            prefetch(mesh.uv_indices.get(t));
+            prefetch(mesh.normal_indices.get(t));
+            prefetch(mesh.colour_indices.get(t));
+            prefetch(mesh.materials.get(t));
+        }
+        if let Some(hit) = triangle(2 * AHEAD) {
+            let t = hit.triangle as usize;
+            prefetch_at(&mesh.positions, mesh.indices.get(t));
+            prefetch_at(&mesh.uvs, mesh.uv_indices.get(t));
+            prefetch_at(&mesh.normals, mesh.normal_indices.get(t));
+            prefetch_at(&mesh.colours, mesh.colour_indices.get(t));
+        }
+        if let Some(hit) = triangle(AHEAD) {
+            let t = hit.triangle as usize;
+            let m = &self.materials[mesh.materials[t].0 as usize];
+            if let (Some(map), Some(uv)) = (m.diffuse_map, mesh.uv_indices.get(t))
+                && uv[0] != ABSENT
+            {
+                let uv = at(&mesh.uvs, *uv);
+                let uv = uv[0] * (1.0 - hit.u - hit.v) + uv[1] * hit.u + uv[2] * hit.v;
+                self.textures[map.0 as usize].expect(uv);
+            }
         }
     }
 
     /// Distance off triangle `t` at which a ray may start without meeting it again.
     pub fn ray_offset(&self, t: usize) -> f32 {
-        let [a, b, c] = self.mesh.corners(t).map(Vec3::abs);
-        OFFSET * a.max(b).max(c).max_element()
+        ray_offset(self.mesh.corners(t))
+    }
+}
+
+/// The same for a triangle by its corners.
+fn ray_offset([a, b, c]: [Vec3; 3]) -> f32 {
+    OFFSET * a.abs().max(b.abs()).max(c.abs()).max_element()
+}
+
+#[inline(always)]
+fn prefetch_at<T>(values: &[T], corners: Option<&[u32; 3]>) {
+    for &i in corners.into_iter().flatten() {
+        prefetch(values.get(i as usize));
     }
 }
 

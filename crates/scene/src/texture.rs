@@ -4,6 +4,8 @@ use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 
+use crate::prefetch::prefetch;
+
 /// Index into [`Scene::textures`](crate::Scene::textures).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TextureId(pub u32);
@@ -95,6 +97,19 @@ impl Texture {
         self.texels.iter().all(|[r, g, b, _]| r == g && g == b)
     }
 
+    /// Asks for the texels around `uv`.
+    #[inline]
+    pub(crate) fn expect(&self, uv: Vec2) {
+        let (x0, _, _) = neighbours(uv.x, self.width);
+        let (y0, y1, _) = neighbours(1.0 - uv.y, self.height);
+        for y in [y0, y1] {
+            prefetch(
+                self.texels
+                    .get(y as usize * self.width as usize + x0 as usize),
+            );
+        }
+    }
+
     /// Weighted sum of the four texels around `uv`; v = 0 is the bottom row, both coordinates repeat.
     fn bilinear<T>(&self, uv: Vec2, value: impl Fn([u8; 4]) -> T) -> T
     where
@@ -109,18 +124,28 @@ impl Texture {
     }
 }
 
+/// The greatest whole number that is not above `x`, which is finite. Without SSE4.1 the library's is a call.
+#[inline]
+fn floor(x: f64) -> f64 {
+    // Beyond 2⁵³ all numbers are whole.
+    if x.abs() >= 9_007_199_254_740_992.0 {
+        return x;
+    }
+    let whole = x as i64 as f64;
+    whole - f64::from(u8::from(whole > x))
+}
+
 /// The texels on both sides of repeating coordinate `s` and the weight of the second.
 fn neighbours(s: f32, size: u32) -> (u32, u32, f32) {
     // Coordinates can be huge: the fraction is taken first, in f64; not-a-number counts as 0.
     let s = f64::from(s);
-    let fraction = s - s.floor();
-    let x = if fraction.is_finite() {
-        fraction * f64::from(size) - 0.5
+    let x = if s.is_finite() {
+        (s - floor(s)) * f64::from(size) - 0.5
     } else {
         0.0
     };
     // From -1 to the last.
-    let floor = x.floor();
+    let floor = floor(x);
     let second = (floor + 1.0) as u32;
     let first = if second == 0 { size } else { second } - 1;
     (
@@ -133,6 +158,17 @@ fn neighbours(s: f32, size: u32) -> (u32, u32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn floor_is_the_librarys() {
+        for x in [
+            0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 1e-300, -1e-300, 123.75, -123.75, 1e18, -1e300,
+        ] {
+            for x in [x, f64::next_up(x), f64::next_down(x)] {
+                assert_eq!(floor(x), f64::floor(x), "{x}");
+            }
+        }
+    }
 
     fn checker() -> Texture {
         // Top row red, green; bottom row blue, half transparent white.
