@@ -1,6 +1,7 @@
 //! The lights a tree is built over.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::cone::Cone;
 use crate::emission::{Emission, Profile, SLACK};
@@ -200,12 +201,52 @@ impl LightSet {
             position: light.position,
             axis: light.normal,
             intensity,
-            radius: if self.has_radii { 0.0 } else { self.radius },
+            radius: self.common_radius(),
             detail,
             kind: LightKind::Virtual,
         });
         self.virtual_count += 1;
         true
+    }
+
+    /// Appends `parts` in their order, which hold virtual lights only; of their bounces nothing is taken over.
+    ///
+    /// # Panics
+    /// When a part holds a light of another kind.
+    pub fn append_virtual(&mut self, parts: &[Self]) {
+        let added: usize = parts.iter().map(|part| part.virtual_count).sum();
+        assert!(
+            added == parts.iter().map(Self::len).sum(),
+            "virtual lights come last"
+        );
+        let old = self.len();
+        let radius = self.common_radius();
+        let nothing = Light {
+            position: Vec3::ZERO,
+            axis: Vec3::ZERO,
+            intensity: Vec3::ZERO,
+            radius,
+            detail: NONE,
+            kind: LightKind::Virtual,
+        };
+        self.lights.resize(old + added, nothing);
+        let mut rest = &mut self.lights[old..];
+        let mut tasks = Vec::with_capacity(parts.len());
+        for part in parts {
+            let (own, others) = rest.split_at_mut(part.len());
+            rest = others;
+            tasks.push((own, part, self.glosses.len() as u32));
+            self.glosses.extend_from_slice(&part.glosses);
+        }
+        tasks.into_par_iter().for_each(|(own, part, glosses)| {
+            for (light, from) in own.iter_mut().zip(&part.lights) {
+                *light = Light { radius, ..*from };
+                if from.detail != NONE {
+                    light.detail += glosses;
+                }
+            }
+        });
+        self.virtual_count += added;
     }
 
     fn push(
@@ -308,6 +349,11 @@ impl LightSet {
         *radii.select_nth_unstable_by(middle, f32::total_cmp).1
     }
 
+    /// What virtual lights to come have.
+    fn common_radius(&self) -> f32 {
+        if self.has_radii { 0.0 } else { self.radius }
+    }
+
     /// Whether virtual lights differ in radius.
     pub fn has_radii(&self) -> bool {
         self.has_radii
@@ -370,6 +416,12 @@ impl LightSet {
     #[inline]
     pub fn position(&self, id: LightId) -> Vec3 {
         self.lights[id.index()].position
+    }
+
+    /// World-space positions of the virtual lights.
+    pub fn virtual_positions(&self) -> Vec<Vec3> {
+        let virtual_lights = self.lights[self.first_virtual()..].par_iter();
+        virtual_lights.map(|light| light.position).collect()
     }
 
     /// Unit surface normal of a virtual light or a triangle, axis of a spot, direction in which distant light travels
@@ -533,6 +585,57 @@ mod tests {
             "light on a black surface"
         );
         assert_eq!(set.len(), 1, "only the dim one");
+    }
+
+    #[test]
+    fn appending_parts_is_pushing_their_lights() {
+        let light = |i: u32| VirtualLight {
+            position: Vec3::splat(i as f32),
+            normal: Vec3::Y,
+            intensity: Vec3::new(1.0, 2.0, i as f32),
+            gloss: (i % 3 == 1).then_some(Gloss {
+                incoming: Vec3::Y,
+                normal: Vec3::Y,
+                reflectance: Vec3::splat(0.5),
+                diffuse: Vec3::splat(0.3),
+                specular: Vec3::splat(0.2),
+                alpha: 0.1 + i as f32,
+                is_coat: false,
+                peak: 3.0,
+            }),
+        };
+        let set = |numbers: &[u32], has_source: bool| {
+            let mut set = LightSet::default();
+            if has_source {
+                set.push_point(Vec3::ONE, Vec3::ONE);
+            }
+            for &i in numbers {
+                set.push_virtual(&light(i));
+            }
+            set
+        };
+        // Matte and glossy ones, in what is there and in what comes.
+        for first in [&[][..], &[0, 3], &[0, 1, 2]] {
+            for parts in [
+                &[&[3, 6][..], &[], &[9]][..],
+                &[&[0], &[1, 2, 4], &[6, 9], &[7]],
+            ] {
+                let mut appended = set(first, true);
+                let parts: Vec<LightSet> = parts.iter().map(|part| set(part, false)).collect();
+                appended.append_virtual(&parts);
+                let mut numbers = first.to_vec();
+                for part in &parts {
+                    let positions = part.virtual_positions().into_iter();
+                    numbers.extend(positions.map(|position| position.x as u32));
+                }
+                let pushed = set(&numbers, true);
+                assert_eq!(
+                    format!("{appended:?}"),
+                    format!("{pushed:?}"),
+                    "{numbers:?}"
+                );
+            }
+        }
     }
 
     #[test]
