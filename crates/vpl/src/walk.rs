@@ -6,10 +6,10 @@ use glam::Vec3;
 use light_tree::{Gloss, LightSet, VirtualLight};
 use rayon::prelude::*;
 use sampling::{Purpose, Rng};
-use scene::trace::{Ray, Tracer};
+use scene::trace::{Hit, NearestScratch, Ray, Tracer};
 use scene::{Brdf, Fresnel, Scene};
 
-use crate::emit::{Particle, Sources};
+use crate::emit::Sources;
 
 /// How many virtual lights, and how far light bounces.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,9 +42,12 @@ const MOST_SURVIVAL: f32 = 0.95;
 /// Fewest and most paths that estimate how many lights a path leaves, and lights asked for per such path: few of the
 /// rays are theirs, and yet the count is met within 1 %.
 const PILOT_PATHS: [u64; 2] = [1 << 12, 1 << 17];
-const LIGHTS_PER_PILOT_PATH: u64 = 24;
+const LIGHTS_PER_PILOT_PATH: u64 = 64;
 /// Paths per parallel task: fixed, so that the result does not depend on the number of threads.
 const CHUNK: u64 = 1 << 12;
+/// Paths that are followed together: enough that few rays are alone when the last of them end, few enough to stay in the
+/// cache.
+const WAVE: usize = 1 << 10;
 
 /// Traces virtual lights and appends them to `lights`.
 ///
@@ -76,29 +79,27 @@ pub fn trace(
     let pilot_paths = (spec.count as u64 / LIGHTS_PER_PILOT_PATH).clamp(fewest, most);
     let pilot = walk.run(pilot_paths, Purpose::Pilot);
     stats.rays = pilot.iter().map(|part| part.rays).sum();
-    let found: usize = pilot.iter().map(|part| part.lights.len()).sum();
-    if found == 0 {
+    let expected: f64 = pilot.iter().map(|part| part.expected).sum();
+    if expected == 0.0 {
         return stats;
     }
-    let per_path = found as f64 / pilot_paths as f64;
+    let per_path = expected / pilot_paths as f64;
     stats.paths = (spec.count as f64 / per_path).round().max(1.0) as u64;
-    let mut bounces = Vec::new();
-    for part in walk.run(stats.paths, Purpose::Particles) {
+    let parts = walk.run(stats.paths, Purpose::Particles);
+    for part in &parts {
         stats.rays += part.rays;
         for c in 0..3 {
             stats.source_flux[c] += part.source_flux[c];
-        }
-        for (light, bounce) in part.lights.iter().zip(&part.bounces) {
-            if lights.push_virtual(light) && spec.keep_bounces {
-                bounces.push(*bounce);
-            }
-            for c in 0..3 {
-                stats.virtual_flux[c] += f64::from(light.intensity[c]) * std::f64::consts::PI;
-            }
+            stats.virtual_flux[c] += part.virtual_flux[c];
         }
     }
+    let (sets, bounces): (Vec<_>, Vec<_>) = parts
+        .into_iter()
+        .map(|part| (part.lights, part.bounces))
+        .unzip();
+    lights.append_virtual(&sets);
     if spec.keep_bounces {
-        lights.set_bounces(bounces);
+        lights.set_bounces(bounces.concat());
     }
     stats
 }
@@ -113,11 +114,65 @@ struct Walk<'a> {
 /// What some of the paths left.
 #[derive(Default)]
 struct Part {
-    lights: Vec<VirtualLight>,
-    /// One a light: surfaces met, its own counted.
+    lights: LightSet,
+    /// One a light if they are kept: surfaces met, its own counted.
     bounces: Vec<u16>,
+    /// How many lights were to be expected: the chances to leave one, summed. It varies less than their number.
+    expected: f64,
     rays: u64,
     source_flux: [f64; 3],
+    virtual_flux: [f64; 3],
+}
+
+/// Paths that are followed together.
+#[derive(Default)]
+struct Wave {
+    flights: Vec<Flight>,
+    /// One a flight.
+    rays: Vec<Ray>,
+    hits: Vec<Option<Hit>>,
+    scratch: NearestScratch,
+    /// In the order of bounces.
+    left: Vec<Left>,
+    /// Places in `left`, in the order of paths.
+    order: Vec<u32>,
+}
+
+/// What a path left.
+struct Left {
+    /// Which of the wave's paths.
+    number: u16,
+    /// Surfaces met.
+    bounce: u16,
+    light: VirtualLight,
+}
+
+impl Wave {
+    /// What was left, as if the paths had been followed one by one.
+    fn by_path(&mut self) -> impl Iterator<Item = &Left> {
+        let mut ends = [0u32; WAVE + 1];
+        for left in &self.left {
+            ends[usize::from(left.number) + 1] += 1;
+        }
+        for n in 1..ends.len() {
+            ends[n] += ends[n - 1];
+        }
+        self.order.resize(self.left.len(), 0);
+        for (left, i) in self.left.iter().zip(0..) {
+            let end = &mut ends[usize::from(left.number)];
+            self.order[*end as usize] = i;
+            *end += 1;
+        }
+        self.order.iter().map(|&i| &self.left[i as usize])
+    }
+}
+
+/// A particle under way.
+struct Flight {
+    /// Which of the wave's paths.
+    number: u16,
+    flux: Vec3,
+    rng: Rng,
 }
 
 impl Walk<'_> {
@@ -125,78 +180,140 @@ impl Walk<'_> {
     fn run(&self, paths: u64, purpose: Purpose) -> Vec<Part> {
         (0..paths.div_ceil(CHUNK))
             .into_par_iter()
-            .map(|chunk| {
+            .map_init(Wave::default, |wave, chunk| {
                 let mut part = Part::default();
-                for path in chunk * CHUNK..((chunk + 1) * CHUNK).min(paths) {
-                    let mut rng = Rng::new(self.spec.seed, path, 0, purpose);
-                    self.path(path, paths, &mut rng, &mut part);
+                let end = ((chunk + 1) * CHUNK).min(paths);
+                for first in (chunk * CHUNK..end).step_by(WAVE) {
+                    for path in first..(first + WAVE as u64).min(end) {
+                        let rng = Rng::new(self.spec.seed, path, 0, purpose);
+                        self.start([path, paths], rng, wave, &mut part);
+                    }
+                    self.follow(wave, &mut part);
                 }
                 part
             })
             .collect()
     }
 
-    fn path(&self, path: u64, paths: u64, rng: &mut Rng, part: &mut Part) {
+    /// Adds a path of `paths` to the wave.
+    fn start(&self, [path, paths]: [u64; 2], mut rng: Rng, wave: &mut Wave, part: &mut Part) {
         // Paths take the lights in turn, each its share: less noise than choosing afresh.
         let u = (path as f64 + rng.f64()) / paths as f64;
-        let Particle {
-            mut origin,
-            mut direction,
-            flux,
-        } = self.sources.emit(u.min(1.0 - f64::EPSILON), rng);
-        let mut flux = flux / paths as f32;
+        let particle = self.sources.emit(u.min(1.0 - f64::EPSILON), &mut rng);
+        let flux = particle.flux / paths as f32;
         for c in 0..3 {
             part.source_flux[c] += f64::from(flux[c]);
         }
+        let number = wave.flights.len() as u16;
+        wave.flights.push(Flight { number, flux, rng });
+        wave.rays.push(Ray {
+            origin: particle.origin,
+            direction: particle.direction,
+            t_max: f32::INFINITY,
+        });
+    }
+
+    /// Follows the wave's paths bounce by bounce, until none is left: their rays are traced many in flight.
+    fn follow(&self, wave: &mut Wave, part: &mut Part) {
+        wave.left.clear();
         for bounce in 1..=self.spec.max_bounces {
-            part.rays += 1;
-            let Some(hit) = self.tracer.closest(&Ray {
-                origin,
-                direction,
-                t_max: f32::INFINITY,
-            }) else {
-                return;
-            };
-            let surface = self.scene.surface(&hit, direction);
-            let wo = -direction;
-            let (cos_o, cos_arriving) = (surface.ns.dot(wo), surface.ng.dot(wo));
-            if cos_o <= 0.0 || cos_arriving <= 0.0 {
-                return;
+            part.rays += wave.rays.len() as u64;
+            wave.hits.resize(wave.rays.len(), None);
+            self.tracer
+                .nearest(&wave.rays, &mut wave.hits, &mut wave.scratch);
+            let mut flying = 0;
+            for i in 0..wave.rays.len() {
+                self.scene.expect(&wave.hits[i..]);
+                let Some(hit) = &wave.hits[i] else {
+                    continue;
+                };
+                let (flight, ray) = (&mut wave.flights[i], &mut wave.rays[i]);
+                let (light, goes_on) = self.bounce(hit, ray, flight, &mut part.expected);
+                if let Some(light) = light {
+                    wave.left.push(Left {
+                        number: flight.number,
+                        bounce: bounce as u16,
+                        light,
+                    });
+                }
+                if goes_on {
+                    wave.flights.swap(i, flying);
+                    wave.rays.swap(i, flying);
+                    flying += 1;
+                }
             }
-            // Particles come and go in proportion to cosines with the geometric normal, where a surface that is seen
-            // reflects by those with the shading normal (Veach 1997, §5.3.2). Both are the same on flat triangles.
-            let arriving = cos_o / cos_arriving;
-            // Absorbing before storing leaves lights of about equal power, which a tree samples best.
-            let survival = surface.brdf.albedo(cos_o).max_element().min(MOST_SURVIVAL);
-            if rng.f32() >= survival {
-                return;
+            wave.flights.truncate(flying);
+            wave.rays.truncate(flying);
+            if flying == 0 {
+                break;
             }
-            flux /= survival;
-            let albedo = reflectance(&surface.brdf, cos_o);
-            if flux * albedo != Vec3::ZERO {
-                part.bounces.push(bounce as u16);
-                part.lights.push(VirtualLight {
-                    position: surface.ray_origin(),
-                    normal: surface.ng,
-                    intensity: flux * albedo * (arriving * FRAC_1_PI),
-                    gloss: surface
-                        .brdf
-                        .is_glossy()
-                        .then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
-                });
-            }
-            let Some(sample) = surface.brdf.sample(surface.ns, wo, rng) else {
-                return;
-            };
-            let cos_leaving = sample.wi.dot(surface.ng);
-            if cos_leaving <= 0.0 {
-                return;
-            }
-            let leaving = cos_leaving / sample.wi.dot(surface.ns);
-            flux *= sample.weight * (arriving * leaving);
-            origin = surface.ray_origin();
-            direction = sample.wi;
         }
+        // Those that have met as many surfaces as they may.
+        wave.flights.clear();
+        wave.rays.clear();
+        for left in wave.by_path() {
+            let light = &left.light;
+            if part.lights.push_virtual(light) && self.spec.keep_bounces {
+                part.bounces.push(left.bounce);
+            }
+            for c in 0..3 {
+                part.virtual_flux[c] += f64::from(light.intensity[c]) * std::f64::consts::PI;
+            }
+        }
+    }
+
+    /// What a particle leaves where it hits a surface, and whether it goes on: `flight` and `ray` are then those of its
+    /// way from there. Its chance to leave something is added to `expected`.
+    #[inline(always)]
+    fn bounce(
+        &self,
+        hit: &Hit,
+        ray: &mut Ray,
+        flight: &mut Flight,
+        expected: &mut f64,
+    ) -> (Option<VirtualLight>, bool) {
+        let Flight { flux, rng, .. } = flight;
+        let surface = self.scene.surface(hit, ray.direction);
+        let wo = -ray.direction;
+        let (cos_o, cos_arriving) = (surface.ns.dot(wo), surface.ng.dot(wo));
+        if cos_o <= 0.0 || cos_arriving <= 0.0 {
+            return (None, false);
+        }
+        // Particles come and go in proportion to cosines with the geometric normal, where a surface that is seen
+        // reflects by those with the shading normal (Veach 1997, §5.3.2). Both are the same on flat triangles.
+        let arriving = cos_o / cos_arriving;
+        // Absorbing before storing leaves lights of about equal power, which a tree samples best.
+        let survival = surface.brdf.albedo(cos_o).max_element().min(MOST_SURVIVAL);
+        let albedo = reflectance(&surface.brdf, cos_o);
+        let reflects = *flux * albedo != Vec3::ZERO;
+        if reflects {
+            *expected += f64::from(survival);
+        }
+        if rng.f32() >= survival {
+            return (None, false);
+        }
+        *flux /= survival;
+        let light = reflects.then(|| VirtualLight {
+            position: surface.ray_origin(),
+            normal: surface.ng,
+            intensity: *flux * albedo * (arriving * FRAC_1_PI),
+            gloss: surface
+                .brdf
+                .is_glossy()
+                .then(|| gloss(&surface.brdf, [surface.ns, surface.ng], wo)),
+        });
+        let Some(sample) = surface.brdf.sample(surface.ns, wo, rng) else {
+            return (light, false);
+        };
+        let cos_leaving = sample.wi.dot(surface.ng);
+        if cos_leaving <= 0.0 {
+            return (light, false);
+        }
+        let leaving = cos_leaving / sample.wi.dot(surface.ns);
+        *flux *= sample.weight * (arriving * leaving);
+        ray.origin = surface.ray_origin();
+        ray.direction = sample.wi;
+        (light, true)
     }
 }
 
@@ -453,25 +570,62 @@ mod tests {
                     spec: &spec,
                 };
                 for number in [Extreme::Zero, Extreme::BelowOne] {
+                    let (mut wave, mut part) = (Wave::default(), Part::default());
                     for path in 0..2 {
-                        let mut part = Part::default();
-                        walk.path(path, 2, &mut Rng::extreme(number), &mut part);
-                        assert!(part.rays <= 50, "{} rays", part.rays);
-                        for light in &part.lights {
-                            let told = || format!("{emitter:?}, {number:?}: {light:?}");
-                            assert!(light.position.is_finite(), "{}", told());
-                            assert!(light.intensity.is_finite(), "{}", told());
-                            assert!(light.intensity.min_element() >= 0.0, "{}", told());
-                            assert!(light.normal.is_normalized(), "{}", told());
-                        }
-                        assert!(
-                            part.source_flux.iter().all(|f| f.is_finite()),
-                            "{emitter:?}"
-                        );
+                        walk.start([path, 2], Rng::extreme(number), &mut wave, &mut part);
                     }
+                    walk.follow(&mut wave, &mut part);
+                    assert!(part.rays <= 100, "{} rays", part.rays);
+                    for left in wave.by_path() {
+                        let light = &left.light;
+                        let told = || format!("{emitter:?}, {number:?}: {light:?}");
+                        assert!(light.position.is_finite(), "{}", told());
+                        assert!(light.intensity.is_finite(), "{}", told());
+                        assert!(light.intensity.min_element() >= 0.0, "{}", told());
+                        assert!(light.normal.is_normalized(), "{}", told());
+                    }
+                    assert!(
+                        part.source_flux.iter().all(|f| f.is_finite()),
+                        "{emitter:?}"
+                    );
                 }
             }
         }
+    }
+
+    #[test]
+    fn lights_stand_in_the_order_of_paths() {
+        let scene = closed_box(0.5);
+        let tracer = Tracer::build(&scene);
+        let spec = VirtualLightSpec {
+            count: 1,
+            max_bounces: 8,
+            keep_bounces: true,
+            seed: 1,
+        };
+        let sources = Sources::new(&scene).expect("a light with power");
+        let walk = Walk {
+            scene: &scene,
+            tracer: &tracer,
+            sources: &sources,
+            spec: &spec,
+        };
+        let rng = |path| Rng::new(1, path, 0, Purpose::Particles);
+        let (mut wave, mut together) = (Wave::default(), Part::default());
+        for path in 0..100 {
+            walk.start([path, 100], rng(path), &mut wave, &mut together);
+        }
+        walk.follow(&mut wave, &mut together);
+        let mut one_by_one = Part::default();
+        for path in 0..100 {
+            walk.start([path, 100], rng(path), &mut wave, &mut one_by_one);
+            walk.follow(&mut wave, &mut one_by_one);
+        }
+        assert!(together.bounces.contains(&4), "long paths");
+        assert_eq!(together.bounces, one_by_one.bounces, "bounces");
+        assert_eq!(together.rays, one_by_one.rays, "rays");
+        let all = |part: &Part| format!("{:?}", part.lights);
+        assert_eq!(all(&together), all(&one_by_one), "lights");
     }
 
     #[test]
