@@ -1,7 +1,7 @@
 //! How large virtual spherical lights should be: as far as their neighbours are away.
 
 use glam::Vec3;
-use light_tree::{LightId, LightSet};
+use light_tree::LightSet;
 use rayon::prelude::*;
 
 /// The neighbour that a sphere reaches to.
@@ -19,25 +19,38 @@ const WIDEST: f32 = 8.0;
 ///
 /// Source: Hašan, Křivánek, Walter, Bala, "Virtual Spherical Lights", 2009, §5.
 pub fn set_local_radii(lights: &mut LightSet) {
-    let first = lights.len() - lights.virtual_count();
-    let positions = (first..lights.len()).map(|i| lights.position(LightId(i as u32)));
-    let radii = radii::<NEIGHBOURS>(positions.collect());
-    lights.set_radii(radii);
+    lights.set_radii(radii::<NEIGHBOURS>(lights.virtual_positions()));
 }
 
 /// Radii of spheres at `positions` that reach the `K`-th neighbour; none when there are no more than `K`.
-fn radii<const K: usize>(positions: Vec<Vec3>) -> Vec<f32> {
+fn radii<const K: usize>(positions: &[Vec3]) -> Vec<f32> {
     if positions.len() <= K {
         return Vec::new();
     }
-    let mut radii = Buckets::over(positions).distances::<K>();
-    let mut sorted = radii.clone();
-    let middle = sorted.len() / 2;
-    let (_, &mut median, _) = sorted.select_nth_unstable_by(middle, f32::total_cmp);
+    let buckets = Buckets::over(positions);
+    let found = buckets.farthest::<K>();
+    let (mut radii, median) = rayon::join(
+        || buckets.in_given_order(&found),
+        || median(buckets.by_bucket(&found).map(|(_, dist2)| dist2).collect()),
+    );
+    let widest = WIDEST * median.sqrt();
     for radius in &mut radii {
-        *radius = radius.min(WIDEST * median);
+        *radius = radius.sqrt().min(widest);
     }
     radii
+}
+
+/// The number that half of `numbers` exceed.
+fn median(mut numbers: Vec<f32>) -> f32 {
+    let middle = numbers.len() / 2;
+    *numbers.select_nth_unstable_by_key(middle, |x| order(*x)).1
+}
+
+/// Ascending as the numbers are.
+#[inline]
+fn order(x: f32) -> i32 {
+    let bits = x.to_bits() as i32;
+    bits ^ (bits >> 31 & i32::MAX)
 }
 
 /// Points looked at together.
@@ -55,12 +68,19 @@ struct Bucket {
 impl Bucket {
     /// Of 1 to 8 points with their index.
     fn of(points: &[(Vec3, u32)]) -> Self {
-        let point = |lane: usize| points[lane.min(points.len() - 1)];
-        Self {
-            axes: [0, 1, 2].map(|axis| std::array::from_fn(|lane| point(lane).0[axis])),
-            indices: std::array::from_fn(|lane| point(lane).1),
+        let mut bucket = Self {
+            axes: [[0.0; LANES]; 3],
+            indices: [0; LANES],
             len: points.len(),
+        };
+        for lane in 0..LANES {
+            let (p, index) = points[lane.min(points.len() - 1)];
+            for axis in 0..3 {
+                bucket.axes[axis][lane] = p[axis];
+            }
+            bucket.indices[lane] = index;
         }
+        bucket
     }
 
     #[inline(always)]
@@ -128,37 +148,50 @@ struct Buckets {
 
 impl Buckets {
     /// Over at least one point.
-    fn over(positions: Vec<Vec3>) -> Self {
-        let mut points: Vec<(Vec3, u32)> = positions.into_iter().zip(0..).collect();
+    fn over(positions: &[Vec3]) -> Self {
+        let numbered = positions.par_iter().enumerate();
+        let mut points: Vec<_> = numbered.map(|(i, &p)| (p, i as u32)).collect();
         let count = points.len().div_ceil(LANES).next_power_of_two();
         let levels = count.ilog2();
         divide(&mut points, levels);
         let bucket = |b| Bucket::of(&points[range(b, levels, points.len())]);
         let buckets: Vec<_> = (0..count).into_par_iter().map(bucket).collect();
-        let mut bounds = vec![Bounds::NONE; count];
-        bounds.extend(buckets.iter().map(Bucket::bounds));
+        let mut bounds = vec![Bounds::NONE; 2 * count];
+        let lowest = bounds[count..].par_iter_mut().zip(&buckets);
+        lowest.for_each(|(bounds, bucket)| *bounds = bucket.bounds());
         for i in (1..count).rev() {
             bounds[i] = bounds[2 * i].union(bounds[2 * i + 1]);
         }
         Self { buckets, bounds }
     }
 
-    /// Distance of every point to its `K`-th nearest other, in the order the points were given; infinite where there is none.
-    fn distances<const K: usize>(&self) -> Vec<f32> {
+    /// For each bucket the squared distances of its points to their `K`-th nearest others; infinite where there is none.
+    fn farthest<const K: usize>(&self) -> Vec<Lanes> {
         let buckets = (0..self.buckets.len()).into_par_iter();
-        let found: Vec<Lanes> = buckets.map(|b| self.farthest::<K>(b)).collect();
+        buckets.map(|b| self.farthest_of::<K>(b)).collect()
+    }
+
+    /// Index of each point, and what was `found` for it.
+    fn by_bucket(&self, found: &[Lanes]) -> impl Iterator<Item = (u32, f32)> {
+        let of = |(bucket, found): (&Bucket, &Lanes)| {
+            let (indices, found) = (bucket.indices, *found);
+            (0..bucket.len).map(move |lane| (indices[lane], found[lane]))
+        };
+        self.buckets.iter().zip(found).flat_map(of)
+    }
+
+    /// What was `found`, in the order the points were given.
+    fn in_given_order(&self, found: &[Lanes]) -> Vec<f32> {
         let points = self.buckets.iter().map(|bucket| bucket.len).sum();
-        let mut distances = vec![0.0; points];
-        for (bucket, dist2) in self.buckets.iter().zip(found) {
-            for (&index, dist2) in bucket.indices[..bucket.len].iter().zip(dist2) {
-                distances[index as usize] = dist2.sqrt();
-            }
+        let mut ordered = vec![0.0; points];
+        for (index, found) in self.by_bucket(found) {
+            ordered[index as usize] = found;
         }
-        distances
+        ordered
     }
 
     /// Squared distances of the points of bucket `b` to their `K`-th nearest others.
-    fn farthest<const K: usize>(&self, b: usize) -> Lanes {
+    fn farthest_of<const K: usize>(&self, b: usize) -> Lanes {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             #[allow(
@@ -183,7 +216,7 @@ impl Buckets {
     #[inline(always)]
     fn farthest_with<const K: usize>(&self, b: usize) -> Lanes {
         let query = &self.buckets[b];
-        let mut nearest = Nearest::<K>([[f32::INFINITY; LANES]; K]);
+        let mut nearest = Nearest::<K>::NONE;
         for lane in 0..query.len {
             let mut dist2 = query.dist2(query.point(lane));
             // A point is no neighbour of itself.
@@ -221,41 +254,59 @@ impl Buckets {
                 height += 2;
             }
         }
-        nearest.0[K - 1]
+        nearest.last()
     }
 }
 
-/// The least `K` numbers so far of each lane, in order.
-struct Nearest<const K: usize>([Lanes; K]);
+/// Squared distances as whole numbers, which are in the same order. Of `f32` the lesser one would be stored where it is less:
+/// instructions that take many times as long on some processors.
+type Ordered = [i32; LANES];
+
+/// The least `K` squared distances so far of each lane, in order.
+struct Nearest<const K: usize>([Ordered; K]);
 
 impl<const K: usize> Nearest<K> {
+    const NONE: Self = Self([[f32::INFINITY.to_bits() as i32; LANES]; K]);
+
     #[inline(always)]
-    fn insert(&mut self, new: Lanes) {
+    fn insert(&mut self, dist2: Lanes) {
+        let kept = &mut self.0;
+        let mut new = [0; LANES];
         // Of what is looked at late, little is among the nearest.
-        let mut any = false;
-        for (new, kept) in new.iter().zip(&self.0[K - 1]) {
-            any |= new < kept;
+        let mut nearer = 0;
+        for lane in 0..LANES {
+            new[lane] = dist2[lane].to_bits() as i32;
+            nearer |= i32::from(new[lane] < kept[K - 1][lane]);
         }
-        if !any {
+        if nearer == 0 {
             return;
         }
-        let less = |a: f32, b: f32| if a < b { a } else { b };
-        let greater = |a: f32, b: f32| if a > b { a } else { b };
-        let kept = &mut self.0;
         for i in (1..K).rev() {
             for lane in 0..LANES {
-                kept[i][lane] = less(kept[i][lane], greater(kept[i - 1][lane], new[lane]));
+                kept[i][lane] = kept[i][lane].min(kept[i - 1][lane].max(new[lane]));
             }
         }
         for lane in 0..LANES {
-            kept[0][lane] = less(kept[0][lane], new[lane]);
+            kept[0][lane] = kept[0][lane].min(new[lane]);
         }
     }
 
-    /// Greatest of the numbers of the first `lanes` lanes.
+    /// The `K`-th least of each lane.
+    #[inline(always)]
+    fn last(&self) -> Lanes {
+        self.0[K - 1].map(|bits| f32::from_bits(bits as u32))
+    }
+
+    /// Greatest of those of the first `lanes` lanes.
     #[inline(always)]
     fn worst(&self, lanes: usize) -> f32 {
-        self.0[K - 1][..lanes].iter().copied().fold(0.0, f32::max)
+        let mut worst = 0;
+        for lane in 0..LANES {
+            // Nothing found for those behind counts.
+            let known = if lane < lanes { self.0[K - 1][lane] } else { 0 };
+            worst = worst.max(known);
+        }
+        f32::from_bits(worst as u32)
     }
 }
 
@@ -283,9 +334,11 @@ fn divide(points: &mut [(Vec3, u32)], levels: u32) {
     }
     let axis = (hi - lo).max_position();
     let middle = points.len() / 2;
-    points.select_nth_unstable_by(middle, |a, b| {
-        a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1))
-    });
+    match axis {
+        0 => halve(points, |p| p.x),
+        1 => halve(points, |p| p.y),
+        _ => halve(points, |p| p.z),
+    }
     let (left, right) = points.split_at_mut(middle);
     if middle > 4096 {
         rayon::join(|| divide(left, levels - 1), || divide(right, levels - 1));
@@ -295,10 +348,18 @@ fn divide(points: &mut [(Vec3, u32)], levels: u32) {
     }
 }
 
+/// Puts the lower half by `coordinate` first, of equal ones those that were given first.
+fn halve(points: &mut [(Vec3, u32)], coordinate: impl Fn(Vec3) -> f32) {
+    let middle = points.len() / 2;
+    // One number each, so that comparing takes no branch.
+    let key = |&(p, i): &(Vec3, u32)| i64::from(order(coordinate(p))) << 32 | i64::from(i);
+    points.select_nth_unstable_by_key(middle, key);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use light_tree::VirtualLight;
+    use light_tree::{LightId, VirtualLight};
     use sampling::{Purpose, Rng};
 
     #[test]
@@ -306,15 +367,12 @@ mod tests {
         let at = |i: u32| Vec3::new((i % 50) as f32, 0.0, (i / 50) as f32) * 0.5;
         let grid: Vec<Vec3> = (0..2500).map(at).collect();
         let middle = 25 * 50 + 25;
-        let fourth = radii::<4>(grid.clone());
+        let fourth = radii::<4>(&grid);
         assert_eq!(fourth[middle], 0.5, "four at half a unit");
         assert_eq!(fourth[0], 1.0, "in the corner two, then two");
         let diagonal = 0.5 * 2.0f32.sqrt();
-        assert_eq!(radii::<8>(grid.clone())[middle], diagonal, "the diagonal");
-        assert!(
-            radii::<4>(grid[..4].to_vec()).is_empty(),
-            "no fourth neighbour"
-        );
+        assert_eq!(radii::<8>(&grid)[middle], diagonal, "the diagonal");
+        assert!(radii::<4>(&grid[..4]).is_empty(), "no fourth neighbour");
     }
 
     #[test]
@@ -348,12 +406,13 @@ mod tests {
                 })
                 .collect();
             positions[n - 1] = Vec3::new(1e6, 0.0, 0.0);
-            let found = Buckets::over(positions.clone()).distances::<10>();
+            let buckets = Buckets::over(&positions);
+            let found = buckets.in_given_order(&buckets.farthest::<10>());
             for (i, p) in positions.iter().enumerate() {
                 let mut all: Vec<f32> = positions.iter().map(|q| q.distance_squared(*p)).collect();
                 all.swap_remove(i);
                 all.sort_by(f32::total_cmp);
-                assert_eq!(found[i], all[9].sqrt(), "point {i} of {n}");
+                assert_eq!(found[i], all[9], "point {i} of {n}");
             }
         }
     }
@@ -362,7 +421,7 @@ mod tests {
     fn no_sphere_is_much_wider_than_most() {
         let dense = (0..400).map(|i| Vec3::new((i % 20) as f32, 0.0, (i / 20) as f32));
         let far = std::iter::once(Vec3::new(1e4, 0.0, 0.0));
-        let found = radii::<4>(dense.chain(far).collect());
+        let found = radii::<4>(&dense.chain(far).collect::<Vec<_>>());
         assert_eq!(found[400], 8.0, "eight times the usual 1");
     }
 }
