@@ -19,7 +19,7 @@ const WIDEST: f32 = 8.0;
 ///
 /// Source: Hašan, Křivánek, Walter, Bala, "Virtual Spherical Lights", 2009, §5.
 pub fn set_local_radii(lights: &mut LightSet) {
-    lights.set_radii(radii::<NEIGHBOURS>(lights.virtual_positions()));
+    lights.set_radii(radii::<NEIGHBOURS>(&lights.virtual_positions()));
 }
 
 /// Radii of spheres at `positions` that reach the `K`-th neighbour; none when there are no more than `K`.

@@ -42,7 +42,7 @@ const MOST_SURVIVAL: f32 = 0.95;
 /// Fewest and most paths that estimate how many lights a path leaves, and lights asked for per such path: few of the
 /// rays are theirs, and yet the count is met within 1 %.
 const PILOT_PATHS: [u64; 2] = [1 << 12, 1 << 17];
-const LIGHTS_PER_PILOT_PATH: u64 = 64;
+const LIGHTS_PER_PILOT_PATH: u64 = 24;
 /// Paths per parallel task: fixed, so that the result does not depend on the number of threads.
 const CHUNK: u64 = 1 << 12;
 /// Paths that are followed together: enough that few rays are alone when the last of them end, few enough to stay in the
