@@ -2,6 +2,7 @@
 
 mod agglomerative;
 mod binned;
+mod few;
 mod morton;
 mod saoh;
 
@@ -15,6 +16,7 @@ use crate::emission::{Emission, Profile};
 use crate::light::{LightId, LightKind, luminance};
 use crate::lights::LightSet;
 use crate::tree::{LightTree, MAX_LIGHTS, Node, Pair};
+use few::{FEW, Joined};
 use morton::Curve;
 
 /// A light while the tree is built; half a cache line.
@@ -63,6 +65,8 @@ struct Context {
     oriented: bool,
     /// Squared diagonal of the box around everything: c² of the published metric.
     diagonal2: f32,
+    /// c² of the metric of the binned build, 0 where lights have no directions.
+    c2: f32,
     /// Below this depth clusters are halved by count, so that no input makes a deep tree.
     balance_below: u32,
 }
@@ -99,6 +103,11 @@ impl Context {
         }
     }
 
+    /// Whether `n` lights at this depth are joined from below, which might take a level for each.
+    fn is_joined(&self, n: usize, depth: u32) -> bool {
+        self.builder == TreeBuilder::Binned && n <= FEW && depth + n as u32 <= self.balance_below
+    }
+
     /// Reorders `items`, whose pair has number `pair`, into two clusters; returns the size of the first.
     fn split(&self, items: &mut [Item], pair: u32, depth: u32) -> usize {
         if depth >= self.balance_below {
@@ -120,6 +129,7 @@ struct Out<'a> {
     cones: &'a mut [[Cone; 2]],
     profiles: &'a mut [[Profile; 2]],
     directional: &'a mut [[f32; 2]],
+    least_dist2: &'a mut [[f32; 2]],
     /// Index of `pairs[0]` in the whole tree.
     first: u32,
 }
@@ -132,6 +142,7 @@ impl<'a> Out<'a> {
         let (cones, cones_l, cones_r) = cut(self.cones, n);
         let (profiles, profiles_l, profiles_r) = cut(self.profiles, n);
         let (directional, directional_l, directional_r) = cut(self.directional, n);
+        let (least_dist2, least_dist2_l, least_dist2_r) = cut(self.least_dist2, n);
         let first = self.first;
         (
             Out {
@@ -139,6 +150,7 @@ impl<'a> Out<'a> {
                 cones,
                 profiles,
                 directional,
+                least_dist2,
                 first,
             },
             Out {
@@ -146,6 +158,7 @@ impl<'a> Out<'a> {
                 cones: cones_l,
                 profiles: profiles_l,
                 directional: directional_l,
+                least_dist2: least_dist2_l,
                 first: first + 1,
             },
             Out {
@@ -153,6 +166,7 @@ impl<'a> Out<'a> {
                 cones: cones_r,
                 profiles: profiles_r,
                 directional: directional_r,
+                least_dist2: least_dist2_r,
                 first: first + 1 + n as u32,
             },
         )
@@ -172,6 +186,7 @@ struct Top {
     node: Node,
     emission: Emission,
     directional: f32,
+    least_dist2: f32,
     depth: u32,
 }
 
@@ -203,15 +218,13 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
     if n == 0 {
         return None;
     }
-    let mut items: Vec<Item> = lights
-        .ids()
-        .map(|id| Item {
-            position: lights.position(id),
-            intensity: luminance(lights.intensity(id)),
-            axis: lights.axis(id),
-            id: id.0,
-        })
-        .collect();
+    let item = |id| Item {
+        position: lights.position(LightId(id)),
+        intensity: luminance(lights.intensity(LightId(id))),
+        axis: lights.axis(LightId(id)),
+        id,
+    };
+    let mut items: Vec<Item> = (0..n as u32).into_par_iter().map(item).collect();
     // Distant lights have no place: they get a subtree of their own beside all the others.
     let rank = |id| apart.rank(lights.kind(LightId(id)));
     let mut groups = [0; LightKind::ALL.len()];
@@ -240,31 +253,28 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         first_sizes: Vec::new(),
         oriented,
         diagonal2,
+        c2: match (oriented, diagonal2 > 0.0) {
+            (true, true) => diagonal2 * binned::DIRECTION,
+            // All in one place, or in none: only directions tell them apart, whatever their weight.
+            (true, false) => 1.0,
+            (false, _) => 0.0,
+        },
         balance_below: 2 * usize::BITS.saturating_sub(n.leading_zeros()),
     };
     context.arrange(&mut items, &groups);
 
-    let mut pairs = vec![Pair([Node::UNUSED; 2]); n];
-    let mut cones = if oriented {
-        vec![[Cone::SPHERE; 2]; n]
-    } else {
-        Vec::new()
-    };
-    let mut profiles = if profiled {
-        vec![[Profile::default(); 2]; n]
-    } else {
-        Vec::new()
-    };
-    let mut directional = if distant > 0 {
-        vec![[0.0; 2]; n]
-    } else {
-        Vec::new()
-    };
+    let if_any = |is_any| if is_any { n } else { 0 };
+    let mut pairs = filled(Pair([Node::UNUSED; 2]), n);
+    let mut cones = filled([Cone::SPHERE; 2], if_any(oriented));
+    let mut profiles = filled([Profile::default(); 2], if_any(profiled));
+    let mut directional = filled([0.0; 2], if_any(distant > 0));
+    let mut least_dist2 = filled([0.0; 2], if_any(differ_in_radius(lights)));
     let out = Out {
         pairs: &mut pairs[1..],
         cones: below(&mut cones),
         profiles: below(&mut profiles),
         directional: below(&mut directional),
+        least_dist2: below(&mut least_dist2),
         first: 1,
     };
     let root = subtree(&context, lights, &mut items, out, 0, &groups);
@@ -278,11 +288,14 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
     if let Some(d) = directional.first_mut() {
         d[0] = root.directional;
     }
+    if let Some(d) = least_dist2.first_mut() {
+        d[0] = root.least_dist2;
+    }
     Some(LightTree {
         pairs,
-        cones: cones.into_iter().flatten().collect(),
-        profiles: profiles.into_iter().flatten().collect(),
-        directional: directional.into_iter().flatten().collect(),
+        cones: cones.into_flattened(),
+        profiles: profiles.into_flattened(),
+        directional: directional.into_flattened(),
         lights: n,
         depth: root.depth,
         diagonal2: if positional > 0 {
@@ -290,10 +303,21 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         } else {
             0.0
         },
-        least_dist2: 0.0,
-        least_dist2_below: Vec::new(),
-        greatest_dist2: 0.0,
+        least_dist2: root.least_dist2,
+        least_dist2_below: least_dist2.into_flattened(),
+        greatest_dist2: 1.5 * lights.greatest_radius() * lights.greatest_radius(),
     })
+}
+
+/// Whether there are lights with a least distance and lights with another one.
+fn differ_in_radius(lights: &LightSet) -> bool {
+    let only_virtual = lights.virtual_count() == lights.len();
+    lights.has_radii() || (!only_virtual && lights.greatest_radius() > 0.0)
+}
+
+/// As `vec!`, with its pages first touched by all threads.
+pub(crate) fn filled<T: Copy + Send + Sync>(value: T, n: usize) -> Vec<T> {
+    rayon::iter::repeat_n(value, n).collect()
 }
 
 /// All entries but the first; nothing of nothing.
@@ -312,11 +336,19 @@ fn subtree(
     groups: &[usize],
 ) -> Top {
     let n = items.len();
-    if n == 1 {
-        return leaf(lights, LightId(items[0].id));
+    if let [item] = items {
+        return leaf(lights, item);
+    }
+    let is_mixed = groups.len() > 1;
+    if !is_mixed && context.is_joined(n, depth) {
+        for item in &*items {
+            lights.prefetch_radius(LightId(item.id));
+        }
+        let joined = few::join(items, context.c2);
+        return joined_subtree(context, lights, items, out, &joined, 2 * n - 2);
     }
     let (left, groups) = match groups {
-        [others @ .., last] if !others.is_empty() => (n - last, others),
+        [others @ .., last] if is_mixed => (n - last, others),
         _ => (context.split(items, out.first, depth), groups),
     };
     let (own, out_l, out_r) = out.split(left);
@@ -329,6 +361,30 @@ fn subtree(
     } else {
         (build_l(items_l), build_r(items_r))
     };
+    parent(context, own, l, r)
+}
+
+/// Lays out cluster `number` of those that `items` were joined to.
+fn joined_subtree(
+    context: &Context,
+    lights: &LightSet,
+    items: &[Item],
+    out: Out<'_>,
+    joined: &Joined,
+    number: usize,
+) -> Top {
+    let Some(made) = number.checked_sub(items.len()) else {
+        return leaf(lights, &items[number]);
+    };
+    let [l, r] = joined.children[made].map(usize::from);
+    let (own, out_l, out_r) = out.split(joined.sizes[l].into());
+    let l = joined_subtree(context, lights, items, out_l, joined, l);
+    let r = joined_subtree(context, lights, items, out_r, joined, r);
+    parent(context, own, l, r)
+}
+
+/// The node above the finished subtrees `l` and `r`.
+fn parent(context: &Context, own: Out<'_>, l: Top, r: Top) -> Top {
     own.pairs[0] = Pair([l.node, r.node]);
     if let Some(c) = own.cones.first_mut() {
         *c = [l.emission.cone, r.emission.cone];
@@ -338,6 +394,9 @@ fn subtree(
     }
     if let Some(d) = own.directional.first_mut() {
         *d = [l.directional, r.directional];
+    }
+    if let Some(d) = own.least_dist2.first_mut() {
+        *d = [l.least_dist2, r.least_dist2];
     }
     Top {
         node: Node::inner(
@@ -352,20 +411,33 @@ fn subtree(
             Emission::ANY
         },
         directional: l.directional + r.directional,
+        least_dist2: l.least_dist2.min(r.least_dist2),
         depth: 1 + l.depth.max(r.depth),
     }
 }
 
-fn leaf(lights: &LightSet, id: LightId) -> Top {
-    let distant = lights.kind(id).is_distant();
+fn leaf(lights: &LightSet, item: &Item) -> Top {
+    let id = LightId(item.id);
+    if lights.is_source(id) {
+        let is_distant = lights.kind(id).is_distant();
+        return Top {
+            node: lights.leaf(id),
+            emission: lights.emission(id),
+            directional: if is_distant { item.intensity } else { 0.0 },
+            least_dist2: 0.0,
+            depth: 0,
+        };
+    }
+    // Of a virtual light the item says all but the radius, and nothing else need be fetched from memory.
+    let radius = lights.radius(id);
     Top {
-        node: lights.leaf(id),
-        emission: lights.emission(id),
-        directional: if distant {
-            luminance(lights.intensity(id))
-        } else {
-            0.0
+        node: Node::leaf(item.position, item.position, item.intensity, id),
+        emission: Emission {
+            cone: Cone::of(item.axis),
+            profile: Profile::Cosine,
         },
+        directional: 0.0,
+        least_dist2: 1.5 * radius * radius,
         depth: 0,
     }
 }
@@ -385,10 +457,11 @@ const JUDGED: usize = 1 << 14;
 fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
     let mut front = 0;
     for i in 0..items.len() {
-        if left(&items[i]) {
-            items.swap(front, i);
-            front += 1;
-        }
+        // No branch: it would be foreseen half of the time.
+        let item = items[i];
+        items[i] = items[front];
+        items[front] = item;
+        front += usize::from(left(&item));
     }
     front
 }

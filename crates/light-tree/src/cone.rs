@@ -97,6 +97,10 @@ impl Cone {
 
 /// Half angle of a cone.
 fn half_angle(cos: f32) -> f64 {
+    // Of a light alone, as it is of half of all that are joined.
+    if cos >= 1.0 {
+        return 0.0;
+    }
     f64::from(cos).clamp(-1.0, 1.0).acos()
 }
 

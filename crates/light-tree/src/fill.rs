@@ -4,7 +4,10 @@
 //! places as well. How many it spares by how many places follows from the same numbers of its two children.
 
 use crate::block::WIDTH;
-use crate::tree::{LightTree, NodeId};
+use crate::build::filled;
+use crate::light::LightId;
+use crate::lights::LightSet;
+use crate::tree::{LightTree, Node, NodeId};
 
 /// Up to so many lights are put into as few blocks as can be.
 const FEW: u32 = 64;
@@ -35,36 +38,61 @@ impl Spared {
     }
 }
 
-/// What each node of a tree spares, and how many lights it has.
+/// What the tree does not say about the lights below one of its nodes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Beneath {
+    spared: Spared,
+    pub(crate) count: u32,
+    /// Least and greatest radius of their spheres.
+    pub(crate) radii: [f32; 2],
+}
+
+impl Beneath {
+    fn light(lights: &LightSet, light: LightId) -> Self {
+        let radius = match lights.is_source(light) {
+            true => 0.0,
+            false => lights.radius(light),
+        };
+        Self {
+            spared: Spared::default(),
+            count: 1,
+            radii: [radius; 2],
+        }
+    }
+
+    fn of([a, b]: [Self; 2]) -> Self {
+        Self {
+            spared: Spared::of(a.spared, b.spared),
+            count: a.count + b.count,
+            radii: [a.radii[0].min(b.radii[0]), a.radii[1].max(b.radii[1])],
+        }
+    }
+}
+
+/// Of more pairs the ends are worked on side by side.
+const SHARE: usize = 4096;
+
+/// What lies beneath each node of a tree.
 pub(crate) struct Fill<'a> {
     tree: &'a LightTree,
     /// What parallel light counts for beside intensities, in the tree's unit of length.
     parallel: f32,
-    nodes: Vec<[(Spared, u32); 2]>,
+    pairs: Vec<[Beneath; 2]>,
 }
 
 impl<'a> Fill<'a> {
-    pub(crate) fn of(tree: &'a LightTree, parallel: f32) -> Self {
-        let mut nodes = vec![[(Spared::default(), 1); 2]; tree.pairs.len()];
-        // Children lie behind their parents.
-        for pair in (0..tree.pairs.len()).rev() {
-            for side in 0..2 {
-                let node = &tree.pairs[pair].0[side];
-                if let Some(first) = node.first_child().filter(|first| first.0 > 0) {
-                    let [(a, lights_a), (b, lights_b)] = nodes[(first.0 >> 1) as usize];
-                    nodes[pair][side] = (Spared::of(a, b), lights_a + lights_b);
-                }
-            }
-        }
+    pub(crate) fn of(tree: &'a LightTree, lights: &LightSet, parallel: f32) -> Self {
+        let mut pairs = filled([Beneath::default(); 2], tree.pairs.len());
+        beneath(tree, lights, 0, &mut pairs);
         Self {
             tree,
             parallel,
-            nodes,
+            pairs,
         }
     }
 
-    fn node(&self, id: NodeId) -> (Spared, u32) {
-        self.nodes[(id.0 >> 1) as usize][(id.0 & 1) as usize]
+    pub(crate) fn node(&self, id: NodeId) -> Beneath {
+        self.pairs[(id.0 >> 1) as usize][(id.0 & 1) as usize]
     }
 
     /// Up to eight descendants that together are `node`, in the tree's order; the node itself when it is a light.
@@ -72,7 +100,7 @@ impl<'a> Fill<'a> {
     /// Few blocks make long ways down. So where there are many lights the brightest node is opened first, and where there are few,
     /// which is where most blocks are, as few as can be are made.
     pub(crate) fn members(&self, node: NodeId) -> Vec<NodeId> {
-        match self.node(node).1 > FEW {
+        match self.node(node).count > FEW {
             true => self.brightest_first(node),
             false => self.sparing(node),
         }
@@ -87,7 +115,7 @@ impl<'a> Fill<'a> {
         while members.len() < WIDTH {
             let large = members.iter().enumerate().filter_map(|(place, &id)| {
                 let first = self.tree.node(id).first_child()?;
-                (self.node(id).1 > WIDTH as u32).then_some((self.size(id), place, first))
+                (self.node(id).count > WIDTH as u32).then_some((self.size(id), place, first))
             });
             let Some((_, place, first)) = large.max_by(|a, b| a.0.total_cmp(&b.0)) else {
                 break;
@@ -108,8 +136,9 @@ impl<'a> Fill<'a> {
                 continue;
             };
             let second = NodeId(first.0 + 1);
-            let ((a, lights_a), (b, lights_b)) = (self.node(first), self.node(second));
-            let (lights_a, lights_b) = (lights_a as usize, lights_b as usize);
+            let (a, b) = (self.node(first), self.node(second));
+            let (lights_a, lights_b) = (a.count as usize, b.count as usize);
+            let (a, b) = (a.spared, b.spared);
             let places = places.min(lights_a + lights_b);
             let spares = |places: usize| Spared::both(a, b, places);
             // One place is better where more would cost a block.
@@ -130,6 +159,50 @@ impl<'a> Fill<'a> {
         }
         members
     }
+}
+
+/// Fills in `pairs`, which are those of one subtree from its root's children on; the first has number `first` in the tree.
+fn beneath(tree: &LightTree, lights: &LightSet, first: usize, pairs: &mut [[Beneath; 2]]) {
+    if pairs.len() <= SHARE {
+        // Children lie behind their parents.
+        for at in (0..pairs.len()).rev() {
+            let children = |child: usize| pairs[child - first];
+            pairs[at] = pair(tree, lights, first + at, children);
+        }
+        return;
+    }
+    // Depth first: all of the first child's pairs lie before those of the second.
+    let (own, below) = pairs.split_at_mut(1);
+    let second = tree.pairs[first].0[1]
+        .first_child()
+        .filter(|child| child.0 > 0);
+    let start = second.map_or(first + 1 + below.len(), |child| (child.0 >> 1) as usize);
+    let (left, right) = below.split_at_mut(start - first - 1);
+    rayon::join(
+        || beneath(tree, lights, first + 1, left),
+        || beneath(tree, lights, start, right),
+    );
+    let children = |child: usize| match child < start {
+        true => left[child - first - 1],
+        false => right[child - start],
+    };
+    own[0] = pair(tree, lights, first, children);
+}
+
+/// What lies beneath the nodes of pair `number`.
+fn pair(
+    tree: &LightTree,
+    lights: &LightSet,
+    number: usize,
+    children: impl Fn(usize) -> [Beneath; 2],
+) -> [Beneath; 2] {
+    let of = |node: &Node| match (node.light(), node.first_child()) {
+        (Some(light), _) => Beneath::light(lights, light),
+        (None, Some(first)) if first.0 > 0 => Beneath::of(children((first.0 >> 1) as usize)),
+        _ => Beneath::default(), // unused, beside the root
+    };
+    let [a, b] = &tree.pairs[number].0;
+    [of(a), of(b)]
 }
 
 #[cfg(test)]

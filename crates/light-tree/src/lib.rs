@@ -3,6 +3,7 @@
 mod block;
 mod bounds;
 mod build;
+mod collapse;
 mod cone;
 mod conty_kulla;
 mod cut;

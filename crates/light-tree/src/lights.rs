@@ -382,6 +382,14 @@ impl LightSet {
         prefetch(self.lights.get(id.index()));
     }
 
+    /// Asks for the radius of light `id`.
+    #[inline]
+    pub(crate) fn prefetch_radius(&self, id: LightId) {
+        if let Some(i) = id.index().checked_sub(self.first_virtual()) {
+            prefetch(self.radii.get(i));
+        }
+    }
+
     /// Number of virtual lights that are not matte.
     pub fn gloss_count(&self) -> usize {
         self.glosses.len()
@@ -445,7 +453,7 @@ impl LightSet {
 
     /// Whether the light is one of the scene's own, and none that stands for what a surface sends on.
     pub fn is_source(&self, id: LightId) -> bool {
-        self.kind(id) != LightKind::Virtual
+        id.index() < self.first_virtual()
     }
 
     /// Least and greatest corner of the box around all points that the light shines from: its position, or a triangle

@@ -1,6 +1,7 @@
 //! Eight clusters in half the memory: most of a tree is read once and far away.
 
 use crate::block::{Block, Cluster, Lanes, WIDTH};
+use crate::wide::by_width;
 
 /// A [`Block`] in four lines of the cache. What it unpacks to holds what was packed: boxes and cones are as wide or wider,
 /// radii and least distances as large or larger.
@@ -38,6 +39,18 @@ const SHORTENED: u32 = 21;
 
 impl PackedBlock {
     pub(crate) fn of(block: &Block) -> Self {
+        by_width!(Self::of_avx2(block), Self::of_any(block))
+    }
+
+    /// The same code and the same bits, with an instruction that rounds.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn of_avx2(block: &Block) -> Self {
+        Self::of_any(block)
+    }
+
+    #[inline(always)]
+    fn of_any(block: &Block) -> Self {
         let used = 0..block.len();
         let mut packed = Self {
             intensity: block.intensity,
@@ -45,12 +58,17 @@ impl PackedBlock {
             lo: [[0; WIDTH]; 3],
             hi: [[0; WIDTH]; 3],
             axis: [[0; WIDTH]; 3],
-            near2: block.near2.map(upper_half),
-            cos: block.cos.map(parts_of_cosine),
-            radius: block.radius.map(short_float),
+            near2: [0; WIDTH],
+            cos: [0; WIDTH],
+            radius: [0; WIDTH],
             corner: [0.0; 3],
             exponents: [0; 3],
         };
+        for k in 0..WIDTH {
+            packed.near2[k] = upper_half(block.near2[k]);
+            packed.cos[k] = parts_of_cosine(block.cos[k]);
+            packed.radius[k] = short_float(block.radius[k]);
+        }
         for axis in 0..3 {
             let (lo, hi) = (&block.lo[axis], &block.hi[axis]);
             let least = used
@@ -72,6 +90,7 @@ impl PackedBlock {
     }
 
     /// The steps between which `lo` to `hi` lies.
+    #[inline(always)]
     fn span(&self, axis: usize, lo: f32, hi: f32) -> (u16, u16) {
         // The reciprocal of a power of two is exact.
         let (corner, per_unit) = (
@@ -98,6 +117,15 @@ impl PackedBlock {
     #[inline(always)]
     fn unpack(&self, axis: usize, steps: u16) -> f32 {
         self.corner[axis] + f32::from(steps) * self.step(axis)
+    }
+
+    /// Numbers the blocks of clusters that are no lights anew.
+    pub(crate) fn move_children(&mut self, moved: impl Fn(usize) -> usize) {
+        for cluster in &mut self.clusters {
+            if let Some(child) = cluster.block() {
+                *cluster = Cluster(moved(child) as u32);
+            }
+        }
     }
 
     /// Number of clusters.
@@ -150,6 +178,7 @@ impl PackedBlock {
 }
 
 /// The least power of two by whose multiples from `least` on, of 16 bits, `most` is reached, and that is not lost in rounding.
+#[inline(always)]
 fn exponent(least: f32, most: f32) -> i8 {
     let extent = f64::from(most) - f64::from(least);
     let steps = f64::from(u16::MAX - 1);
@@ -160,11 +189,13 @@ fn exponent(least: f32, most: f32) -> i8 {
 }
 
 /// The upper half of a number ≥ 0, rounded up.
+#[inline(always)]
 fn upper_half(x: f32) -> u16 {
     (x.to_bits().saturating_add(0xFFFF) >> 16) as u16
 }
 
 /// A number ≥ 0, rounded up; beyond three million times the extent of all lights rounded down.
+#[inline(always)]
 fn short_float(x: f32) -> u8 {
     if x <= 0.0 {
         return 0;
@@ -185,6 +216,7 @@ fn cosine(parts: u8) -> f32 {
 }
 
 /// Rounded down; a cone that is one direction stays one, as its users leave room for rounding.
+#[inline(always)]
 fn parts_of_cosine(cos: f32) -> u8 {
     if cos >= 1.0 {
         return u8::MAX;
@@ -232,7 +264,7 @@ mod tests {
                         !kind.is_distant() && kind != LightKind::Triangle
                     };
                     for light in below.into_iter().filter(has_place) {
-                        let at = lights.position(light) * tree.scale();
+                        let at = lights.position(light) * tree.scale;
                         for axis in 0..3 {
                             let (lo, hi) = packed.extent(axis, lane);
                             assert!(lo <= at[axis] && at[axis] <= hi, "{at} not in {lo} to {hi}");

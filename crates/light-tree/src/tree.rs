@@ -5,7 +5,7 @@ use glam::Vec3;
 use crate::build::{self, TreeBuilder};
 use crate::cone::Cone;
 use crate::emission::{Emission, Profile};
-use crate::light::{LightId, LightKind, luminance};
+use crate::light::{LightId, luminance};
 use crate::lights::LightSet;
 
 /// Index of a node in a [`LightTree`].
@@ -102,7 +102,7 @@ pub struct LightTree {
     pub(crate) least_dist2: f32,
     /// The same per node, for virtual lights that differ in radius; otherwise empty.
     pub(crate) least_dist2_below: Vec<f32>,
-    /// The greatest of these.
+    /// None of these is greater.
     pub(crate) greatest_dist2: f32,
 }
 
@@ -112,52 +112,14 @@ impl LightTree {
     /// # Panics
     /// When there are more than about a billion lights.
     pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        let tree = build::build(lights, builder, build::Apart::Distant)?;
-        Some(tree.with_radii(lights))
+        build::build(lights, builder, build::Apart::Distant)
     }
 
     /// As [`build`](Self::build), with lights of each kind in a subtree of their own: for methods where one light
     /// stands for a cluster. Methods that draw one light of a cluster do better with lights together that are
     /// near each other: a third less variance under 120 lamps and 2000 virtual lights.
     pub fn build_by_kind(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        let tree = build::build(lights, builder, build::Apart::Kinds)?;
-        Some(tree.with_radii(lights))
-    }
-
-    /// Notes how near the lights of each node can be told apart.
-    fn with_radii(mut self, lights: &LightSet) -> Self {
-        let least_of = |light| match lights.kind(light) {
-            LightKind::Virtual => 1.5 * lights.radius(light) * lights.radius(light),
-            _ => 0.0,
-        };
-        let only_virtual = lights.virtual_count() == lights.len();
-        if !lights.has_radii() && (only_virtual || lights.greatest_radius() == 0.0) {
-            self.least_dist2 = 1.5 * lights.greatest_radius() * lights.greatest_radius();
-            self.greatest_dist2 = self.least_dist2;
-            return self;
-        }
-        // Children lie behind their parents.
-        let mut least = vec![f32::INFINITY; 2 * self.pairs.len()];
-        for at in (0..least.len()).rev() {
-            let node = self.node(NodeId(at as u32));
-            least[at] = match (node.light(), node.first_child()) {
-                (Some(light), _) => least_of(light),
-                (None, Some(first)) if first.0 > 0 => {
-                    least[first.0 as usize].min(least[first.0 as usize + 1])
-                }
-                _ => f32::INFINITY, // unused, beside the root
-            };
-        }
-        // Beside the root.
-        for least in &mut least {
-            if !least.is_finite() {
-                *least = 0.0;
-            }
-        }
-        self.least_dist2 = least[0];
-        self.greatest_dist2 = least.iter().copied().fold(0.0, f32::max);
-        self.least_dist2_below = least;
-        self
+        build::build(lights, builder, build::Apart::Kinds)
     }
 
     /// The root.

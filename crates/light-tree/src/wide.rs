@@ -1,18 +1,16 @@
 //! An eight-way light tree: the children of a node are weighed all at once.
 
-use crate::block::{Block, Cluster, LEAST_DIST2, Lanes, Seen, SeenLobe, WIDTH, Weighed};
+#[cfg(test)]
+use crate::block::Cluster;
+use crate::block::{Block, Lanes, Seen, SeenLobe, WIDTH, Weighed};
 use crate::bounds::Receiver;
 use crate::draws::{Drawn, Draws, Pick};
-use crate::fill::Fill;
 #[cfg(test)]
 use crate::light::LightId;
-use crate::light::LightKind;
-use crate::lights::LightSet;
 use crate::packed::PackedBlock;
 use crate::prefetch::prefetch;
 use crate::region::Region;
 use crate::select::BELOW_ONE;
-use crate::tree::{LightTree, NodeId};
 
 /// The first call where the processor has AVX2, for which it is compiled, else the second: the same code, and so the same bits.
 macro_rules! by_width {
@@ -41,8 +39,8 @@ pub struct WideTree {
     pub(crate) parallel: Vec<Lanes>,
     pub(crate) oriented: bool,
     /// Power of two that makes the box around all lights about 1 wide: nothing over- or underflows and no bit is lost.
-    scale: f32,
-    depth: u32,
+    pub(crate) scale: f32,
+    pub(crate) depth: u32,
 }
 
 /// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
@@ -52,83 +50,6 @@ const FAR2: f32 = 0.04;
 const ALIKE: f32 = 0.95;
 
 impl WideTree {
-    /// Collapses the binary `tree`: each node takes up to eight descendants of one of its nodes as children.
-    pub fn collapse(tree: &LightTree, lights: &LightSet) -> Self {
-        let diagonal = tree.diagonal2.sqrt();
-        let scale = if diagonal > 0.0 {
-            2.0f32.powi(-(diagonal.log2().round() as i32).clamp(-60, 60))
-        } else {
-            1.0
-        };
-        let (below, fill) = rayon::join(
-            || Below::of(tree, lights),
-            || Fill::of(tree, 1.0 / (scale * scale)),
-        );
-        let root = tree.node(tree.root());
-        let total = root.intensity + tree.directional_intensity(tree.root()) / (scale * scale);
-        let mut wide = Self {
-            blocks: Vec::with_capacity(tree.light_count() / 5 + 1),
-            parallel: Vec::new(),
-            oriented: !tree.cones.is_empty(),
-            scale,
-            depth: 0,
-        };
-        let share = if total > 0.0 && total.is_finite() {
-            1.0 / total
-        } else {
-            1.0
-        };
-        // Depth first, so that neighbours in space are neighbours in memory.
-        let mut work = vec![(tree.root(), None::<(usize, usize)>, 1)];
-        while let Some((node, parent, depth)) = work.pop() {
-            let index = wide.blocks.len();
-            wide.depth = wide.depth.max(depth);
-            if let Some((block, lane)) = parent {
-                wide.blocks[block].clusters[lane] = Cluster(index as u32);
-            }
-            let mut block = Block::EMPTY;
-            let mut parallel = [0.0; WIDTH];
-            let members = fill.members(node);
-            for (lane, &member) in members.iter().enumerate() {
-                let node = tree.node(member);
-                let cone = tree.emission(member).as_cosine();
-                for axis in 0..3 {
-                    if node.has_positions() {
-                        block.lo[axis][lane] = node.lo[axis] * scale;
-                        block.hi[axis][lane] = node.hi[axis] * scale;
-                    }
-                    block.axis[axis][lane] = cone.axis[axis];
-                }
-                block.cos[lane] = cone.cos;
-                block.intensity[lane] = node.intensity * share;
-                let Beneath { count, radii } = below.node(member);
-                let [least, greatest] = radii.map(|radius| radius * scale);
-                let diagonal = (node.hi - node.lo) * scale;
-                block.radius[lane] = greatest;
-                block.near2[lane] = (diagonal.length_squared() / (4.0 * count as f32))
-                    .max(1.5 * least * least)
-                    .max(LEAST_DIST2);
-                if !node.has_positions() {
-                    block.near2[lane] = LEAST_DIST2;
-                }
-                parallel[lane] = tree.directional_intensity(member) * share / (scale * scale);
-                // Which block holds an inner node's children is known when that is added.
-                block.clusters[lane] = node.light().map_or(Cluster(0), Cluster::of_light);
-            }
-            for (lane, &member) in members.iter().enumerate().rev() {
-                if tree.node(member).light().is_none() {
-                    work.push((member, Some((index, lane)), depth + 1));
-                }
-            }
-            wide.blocks.push(PackedBlock::of(&block));
-            if !tree.directional.is_empty() {
-                wide.parallel.push(parallel);
-            }
-        }
-        wide.blocks.shrink_to_fit();
-        wide
-    }
-
     /// Number of nodes, the root and the lights among them.
     pub fn node_count(&self) -> usize {
         1 + self.blocks.iter().map(PackedBlock::len).sum::<usize>()
@@ -137,11 +58,6 @@ impl WideTree {
     /// Most edges from the root to a light.
     pub fn depth(&self) -> u32 {
         self.depth
-    }
-
-    #[cfg(test)]
-    pub(crate) fn scale(&self) -> f32 {
-        self.scale
     }
 
     /// All blocks, unpacked.
@@ -424,58 +340,6 @@ impl WideTree {
     }
 }
 
-/// What the binary tree does not say about the lights below its nodes.
-struct Below {
-    pairs: Vec<[Beneath; 2]>,
-}
-
-/// Lights below a node.
-#[derive(Debug, Clone, Copy, Default)]
-struct Beneath {
-    count: u32,
-    /// Least and greatest radius of their spheres.
-    radii: [f32; 2],
-}
-
-impl Below {
-    fn of(tree: &LightTree, lights: &LightSet) -> Self {
-        let mut below = Self {
-            pairs: vec![[Beneath::default(); 2]; tree.pairs.len()],
-        };
-        // Children lie behind their parents.
-        for pair in (0..tree.pairs.len()).rev() {
-            for side in 0..2 {
-                let node = &tree.pairs[pair].0[side];
-                below.pairs[pair][side] = match (node.light(), node.first_child()) {
-                    (Some(light), _) => {
-                        let radius = match lights.kind(light) {
-                            LightKind::Virtual => lights.radius(light),
-                            _ => 0.0,
-                        };
-                        Beneath {
-                            count: 1,
-                            radii: [radius; 2],
-                        }
-                    }
-                    (None, Some(first)) if first.0 > 0 => {
-                        let [a, b] = below.pairs[(first.0 >> 1) as usize];
-                        Beneath {
-                            count: a.count + b.count,
-                            radii: [a.radii[0].min(b.radii[0]), a.radii[1].max(b.radii[1])],
-                        }
-                    }
-                    _ => Beneath::default(),
-                };
-            }
-        }
-        below
-    }
-
-    fn node(&self, id: NodeId) -> Beneath {
-        self.pairs[(id.0 >> 1) as usize][(id.0 & 1) as usize]
-    }
-}
-
 /// Descents under way.
 #[derive(Debug, Default)]
 pub(crate) struct Descents(Vec<Pick>);
@@ -511,6 +375,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::lights::LightSet;
     use crate::lobe::Lobe;
     use crate::shared_cut::SharedCut;
     use crate::test_lights::{

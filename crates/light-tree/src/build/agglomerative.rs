@@ -32,13 +32,9 @@ pub(super) fn cluster(context: &Context, items: &mut [Item]) -> Vec<u32> {
     let mut clusters: Vec<Cluster> = items
         .iter()
         .enumerate()
-        .map(|(i, item)| {
-            let mut bin = Bin::EMPTY;
-            bin.add(item.position.into(), item.axis.into(), item.intensity);
-            Cluster {
-                bin,
-                node: i as u32,
-            }
+        .map(|(i, item)| Cluster {
+            bin: Bin::of(item),
+            node: i as u32,
         })
         .collect();
     while clusters.len() > 1 {
@@ -80,7 +76,7 @@ fn nearest(context: &Context, clusters: &[Cluster], i: usize) -> usize {
         }
         let mut both = clusters[i].bin;
         both.merge(&clusters[j].bin);
-        let cost = both.cost(context, context.diagonal2);
+        let cost = both.cost(context.diagonal2);
         let first = i.min(j);
         let tie = [i.abs_diff(j), first & 1, first];
         if best.is_none_or(|(c, t, _)| cost < c || (cost == c && tie < t)) {

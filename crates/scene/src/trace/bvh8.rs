@@ -142,7 +142,7 @@ impl Bvh8 {
     #[inline(always)]
     fn rows_at<const N: usize>(&self, link: u32) -> &[Row; N] {
         let first = row_of(link);
-        let rows = self.rows[first..first + N].as_array();
+        let rows = self.rows[first..].first_chunk();
         rows.expect("as many as asked for")
     }
 
