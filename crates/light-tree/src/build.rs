@@ -458,10 +458,9 @@ fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
     let mut front = 0;
     for i in 0..items.len() {
         // No branch: it would be foreseen half of the time.
-        let item = items[i];
-        items[i] = items[front];
-        items[front] = item;
-        front += usize::from(left(&item));
+        let is_left = left(&items[i]);
+        items.swap(front, i);
+        front += usize::from(is_left);
     }
     front
 }

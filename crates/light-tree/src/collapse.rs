@@ -146,7 +146,11 @@ impl<'a> Collapse<'a> {
 
     /// The blocks of `root`, which is `depth` edges above lights of its own, and of all below it that have more than `most` lights.
     fn part(&self, root: NodeId, depth: u32, most: u32) -> Part {
-        let mut part = Part::default();
+        let count = self.fill.node(root).count.min(SHARE) as usize;
+        let mut part = Part {
+            blocks: Vec::with_capacity(count / 5 + 1),
+            ..Part::default()
+        };
         let mut work = vec![(root, None::<(usize, usize)>, depth)];
         while let Some((node, parent, depth)) = work.pop() {
             let index = part.blocks.len();

@@ -12,30 +12,44 @@ use crate::tree::{LightTree, Node, NodeId};
 /// Up to so many lights are put into as few blocks as can be.
 const FEW: u32 = 64;
 
-/// Blocks spared by 1 to 8 places rather than one, four bits each, the lowest first. A place more spares at most one.
+/// Blocks spared by 1 to 8 places rather than one, four bits each, the lowest first. A place more spares at most one, and none
+/// fewer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Spared(u32);
+
+/// 1 for each number of places; they are reckoned with all at once.
+const ONES: u32 = 0x1111_1111;
 
 impl Spared {
     fn by(self, places: usize) -> u32 {
         self.0 >> (4 * (places - 1)) & 15
     }
 
-    /// What two children spare together by `places` ≥ 2, divided as is best.
-    fn both(a: Self, b: Self, places: usize) -> u32 {
-        let all = (1..places).map(|first| a.by(first) + b.by(places - first));
-        all.max().unwrap_or(0)
+    /// What two children spare together by each number of places ≥ 2, divided as is best.
+    fn both(a: Self, b: Self) -> Self {
+        let mut most = 0;
+        for first in 1..WIDTH {
+            let more_places = u32::MAX << (4 * first);
+            let sums = (b.0 << (4 * first)) + ((a.by(first) * ONES) & more_places);
+            most += above(sums, most);
+        }
+        Self(most)
     }
 
     /// Of a node with these children: all that they spare, and the node's own block, less what they spare in that.
     fn of(a: Self, b: Self) -> Self {
-        let own = Self::both(a, b, WIDTH);
-        let all = (2..=WIDTH).map(|places| {
-            let spared = (Self::both(a, b, places) + 1).saturating_sub(own);
-            spared << (4 * (places - 1))
-        });
-        Self(all.sum())
+        let both = Self::both(a, b);
+        let several = !15;
+        Self(above(both.0 + ONES, both.by(WIDTH) * ONES) & several)
     }
+}
+
+/// What each of eight numbers below 8 is above another, or 0.
+fn above(a: u32, b: u32) -> u32 {
+    // The highest bit of each is lent, and left where it was not needed.
+    let rest = (a | (8 * ONES)) - b;
+    let is_left = rest >> 3 & ONES;
+    rest & (is_left * 7)
 }
 
 /// What the tree does not say about the lights below one of its nodes.
@@ -140,9 +154,9 @@ impl<'a> Fill<'a> {
             let (lights_a, lights_b) = (a.count as usize, b.count as usize);
             let (a, b) = (a.spared, b.spared);
             let places = places.min(lights_a + lights_b);
-            let spares = |places: usize| Spared::both(a, b, places);
+            let spares = Spared::both(a, b);
             // One place is better where more would cost a block.
-            if id != node && spares(places) + 1 < spares(WIDTH) {
+            if id != node && spares.by(places) + 1 < spares.by(WIDTH) {
                 members.push(id);
                 continue;
             }

@@ -125,8 +125,8 @@ impl<const N: usize> Clusters<N> {
 /// Changes one place, and writes them all: they are read together at once, which would wait for a smaller write.
 #[inline(always)]
 fn put<T: Copy, const N: usize>(lanes: &mut [T; N], place: usize, value: T) {
-    for k in 0..N {
-        lanes[k] = if k == place { value } else { lanes[k] };
+    for (k, lane) in lanes.iter_mut().enumerate() {
+        *lane = if k == place { value } else { *lane };
     }
 }
 
