@@ -342,7 +342,7 @@ fn subtree(
     let is_mixed = groups.len() > 1;
     if !is_mixed && context.is_joined(n, depth) {
         for item in &*items {
-            lights.prefetch_radius(LightId(item.id));
+            lights.prefetch(LightId(item.id));
         }
         let joined = few::join(items, context.c2);
         return joined_subtree(context, lights, items, out, &joined, 2 * n - 2);

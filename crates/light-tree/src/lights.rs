@@ -382,14 +382,6 @@ impl LightSet {
         prefetch(self.lights.get(id.index()));
     }
 
-    /// Asks for the radius of light `id`.
-    #[inline]
-    pub(crate) fn prefetch_radius(&self, id: LightId) {
-        if let Some(i) = id.index().checked_sub(self.first_virtual()) {
-            prefetch(self.radii.get(i));
-        }
-    }
-
     /// Number of virtual lights that are not matte.
     pub fn gloss_count(&self) -> usize {
         self.glosses.len()
