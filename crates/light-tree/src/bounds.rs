@@ -126,7 +126,7 @@ impl Receiver {
     pub(crate) fn cos_bounds_over<const N: usize>(&self, seen: &Boxes<N>) -> [f32; N] {
         let (frame, frame_abs) = (self.frame, self.frame_abs);
         let mut bounds = [0.0; N];
-        for k in 0..N {
+        for (k, bound) in bounds.iter_mut().enumerate() {
             let (mut centre, mut extent) = ([0.0; 3], [0.0; 3]);
             for axis in 0..3 {
                 let (lo, hi) = (seen.lo[axis][k], seen.hi[axis][k]);
@@ -147,7 +147,7 @@ impl Receiver {
             let (x, y) = (beside(0), beside(1));
             let across2 = x * x + y * y;
             let length = greater((across2 + top * top).sqrt(), f32::MIN_POSITIVE);
-            bounds[k] = (top / length).clamp(0.0, 1.0);
+            *bound = (top / length).clamp(0.0, 1.0);
         }
         bounds
     }
@@ -351,10 +351,10 @@ impl<const N: usize> Boxes<N> {
     #[inline(always)]
     fn squared_length(&self, coordinate: impl Fn(f32, f32) -> f32) -> [f32; N] {
         let mut squares = [0.0; N];
-        for k in 0..N {
+        for (k, square) in squares.iter_mut().enumerate() {
             let along = |axis: usize| coordinate(self.lo[axis][k], self.hi[axis][k]);
             let (x, y, z) = (along(0), along(1), along(2));
-            squares[k] = x * x + y * y + z * z;
+            *square = x * x + y * y + z * z;
         }
         squares
     }

@@ -184,8 +184,11 @@ fn exponent(least: f32, most: f32) -> i8 {
     let steps = f64::from(u16::MAX - 1);
     let magnitude = f64::from(least.abs().max(most.abs()));
     let step = (extent / steps).max(magnitude * f64::from(f32::EPSILON));
-    // Of 0 the logarithm is −∞.
-    step.log2().ceil().clamp(-126.0, 127.0) as i8
+    // Its logarithm, rounded up, is what the number's own exponent says: of 0 the least.
+    let bits = step.to_bits();
+    let below = (bits >> 52) as i32 - 1023;
+    let is_power = bits << 12 == 0;
+    (below + i32::from(!is_power)).clamp(-126, 127) as i8
 }
 
 /// The upper half of a number ≥ 0, rounded up.

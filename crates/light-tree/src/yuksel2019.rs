@@ -62,13 +62,13 @@ impl LightTree {
         let mut least2 = nearest2;
         let mut is_sound = true;
         let mut is_close = false;
-        for k in 0..NODES {
-            is_close |= nearest2[k] < self.greatest_dist2;
+        for nearest2 in &nearest2 {
+            is_close |= *nearest2 < self.greatest_dist2;
         }
         if is_close {
-            for k in 0..PAIRS {
+            for (k, first) in firsts.iter().enumerate() {
                 for c in 0..2 {
-                    let floor2 = self.least_dist2(NodeId(firsts[k].0 + c as u32));
+                    let floor2 = self.least_dist2(NodeId(first.0 + c as u32));
                     let lane = c * PAIRS + k;
                     least2[lane] = least2[lane].max(floor2);
                 }
