@@ -34,6 +34,26 @@ fn coincident_lights_make_a_shallow_tree() {
 }
 
 #[test]
+fn lights_without_a_place_are_told_apart_by_their_directions() {
+    // Few are joined from below, many divided from above.
+    for n in [10u8, 40] {
+        let mut set = LightSet::default();
+        for i in 0..n {
+            let across = if i % 2 == 0 { Vec3::X } else { Vec3::Y };
+            let direction = across + Vec3::Z * (0.01 * f32::from(i));
+            set.push_directional(direction.normalize(), Vec3::ONE);
+        }
+        let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
+        let first = tree.node(tree.root()).first_child().expect("many lights");
+        for child in [first, crate::NodeId(first.0 + 1)] {
+            let cos = tree.cone(child).cos;
+            // Of either kind alone 0.98, of both at most 0.71.
+            assert!(cos > 0.95, "{n} lights: cosine {cos}");
+        }
+    }
+}
+
+#[test]
 fn a_geometric_chain_of_lights_keeps_its_depth_bounded() {
     let mut set = LightSet::default();
     for i in 0..120 {
