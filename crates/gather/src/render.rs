@@ -3,6 +3,7 @@
 mod saved;
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use film::{Picture, PixelStats};
@@ -384,13 +385,19 @@ impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
     fn visit<'m, M: Method<'m>>(mut self, method: M) {
         let share = 1.0 / self.tiles.len().max(1) as f64;
         let tiles = std::mem::take(&mut self.tiles);
-        tiles.par_iter_mut().with_max_len(1).for_each_init(
-            Scratch::<M::Scratch>::default,
-            |scratch, tile| {
-                self.tile(&method, tile, scratch);
-                (self.tile_done)(share);
-            },
-        );
+        // Not `for_each_init`: that makes memory anew for each tile.
+        let idle = Mutex::new(Vec::<Scratch<M::Scratch>>::new());
+        let take = || idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let give = |scratch| {
+            let mut idle = idle.lock().unwrap_or_else(PoisonError::into_inner);
+            idle.push(scratch);
+        };
+        tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
+            let mut scratch = take().unwrap_or_default();
+            self.tile(&method, tile, &mut scratch);
+            give(scratch);
+            (self.tile_done)(share);
+        });
     }
 }
 
