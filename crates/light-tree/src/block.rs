@@ -171,6 +171,8 @@ pub(crate) struct Weighed {
     pub(crate) peaks: Lanes,
     /// How many times as much a light at the nearest point may bring to another point of the region.
     pub(crate) swings: Lanes,
+    /// > 0 where the lights are so far off, and shine so much alike, that only their intensities tell them apart.
+    pub(crate) alike: Lanes,
 }
 
 impl Weighed {
@@ -179,6 +181,7 @@ impl Weighed {
         weights: [0.0; WIDTH],
         peaks: [0.0; WIDTH],
         swings: [0.0; WIDTH],
+        alike: [0.0; WIDTH],
     };
 }
 
@@ -193,6 +196,11 @@ const GREATEST: f32 = 1e30;
 /// A cluster weighs at least this share of what it would if all its lights were where they bring most: where it is lit by a
 /// corner of its box alone, what is drawn there by chance would count for thousands of times as much.
 const LEAST_OF_MOST: f32 = 0.005;
+/// Lights are far off the squared half diagonal of whose cluster is less than this share of its squared distance: a fifth of the
+/// distance, or of the lobe's width.
+const FAR2: f32 = 0.04;
+/// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
+const ALIKE: f32 = 0.95;
 /// Relative slack of reaches, so that rounding never makes a lit box dark.
 const SLACK: f32 = 2e-6;
 /// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
@@ -300,9 +308,14 @@ impl Block {
                 };
                 alive &= omni | (ahead[k] + spread > 0.0);
             }
+            let around2 = half2[k] + radius * radius;
+            let mut alike = FAR2 * lobe.alpha2 * centre2[k] - around2;
+            if ORIENTED {
+                alike = if self.cos[k] < ALIKE { 0.0 } else { alike };
+            }
+            out.alike[k] = alike;
             let (mut reflected, mut most) = (cos, cos);
             if GLOSSY {
-                let around2 = half2[k] + radius * radius;
                 let dist2 = (centre2[k] + around2).max(LEAST_DIST2);
                 // A facet turns by half the angle by which the direction does.
                 let mut alpha2 = (lobe.alpha2 + 0.25 * around2 / dist2).min(1.0);
@@ -343,10 +356,17 @@ impl Block {
 
     /// Adds the lights without falloff.
     #[cold]
-    pub(crate) fn add_parallel(&self, receiver: &Receiver, parallel: &Lanes, weights: &mut Lanes) {
+    pub(crate) fn add_parallel(
+        &self,
+        receiver: &Receiver,
+        parallel: &Lanes,
+        weights: &mut Lanes,
+        alike: &mut Lanes,
+    ) {
         for k in 0..WIDTH {
             if parallel[k] > 0.0 {
                 weights[k] += parallel[k] * receiver.cos_bound_parallel(self.cone(k));
+                alike[k] = 0.0;
             }
         }
     }

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use crate::block::{Cluster, Lanes, WIDTH};
 use crate::bounds::Receiver;
+use crate::descent::{Descents, lane_at, running_sums};
 use crate::light::LightId;
 use crate::opening::{Opening, Row};
-use crate::select::BELOW_ONE;
 use crate::shared_cut::SharedCut;
-use crate::wide::{Descents, WideTree};
+use crate::wide::WideTree;
 
 /// A light that was drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +33,8 @@ pub struct Draws {
     pub(crate) peaks: Vec<Lanes>,
     /// How many times as much they may bring to another point of the receiver's region.
     pub(crate) swings: Vec<Lanes>,
+    /// Where lights of the cut's clusters are [alike](crate::block::Weighed::alike).
+    pub(crate) alike: Vec<Lanes>,
     /// What the cut's clusters were multiplied by; empty for nothing.
     pub(crate) factors: Vec<f32>,
     pub(crate) opening: Opening,
@@ -196,38 +198,26 @@ impl Draws {
 
     /// Picks clusters at distances `step` along their weights.
     fn pick(&mut self, cut: &SharedCut, tree: &WideTree, count: u32, u: f64, step: f64) {
-        let mut block = 0;
         // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
         let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
         for i in 0..count {
             let at = ((f64::from(i) + u) * step).min(end);
-            block += self.sums[block..].partition_point(|&sum| sum <= at);
+            // Among all rows, though no pick lies before the last: so the processor can look for several at once.
+            let block = self.sums.partition_point(|&sum| sum <= at);
             let before = match block {
                 0 => 0.0,
                 _ => self.sums[block - 1],
             };
-            let mut rest = at - before;
-            let mut picked = None;
-            for (lane, w) in self.left[block].into_iter().enumerate() {
-                let w = f64::from(w);
-                if w > 0.0 {
-                    picked = Some((lane, w, rest / w));
-                    if rest < w {
-                        break;
-                    }
-                    rest -= w;
-                }
-            }
-            if let Some((lane, w, u)) = picked {
-                let row = self.rows[block];
-                self.picks.push(Pick {
-                    cluster: cut.clusters(tree, row)[lane],
-                    of: row.cluster(lane),
-                    is_far: false,
-                    expected: w / step,
-                    u: u.clamp(0.0, BELOW_ONE),
-                });
-            }
+            let weights = &self.left[block];
+            let (lane, w, u) = lane_at(weights, &running_sums(weights), at - before);
+            let row = self.rows[block];
+            self.picks.push(Pick {
+                cluster: cut.clusters(tree, row)[lane],
+                of: row.cluster(lane),
+                is_far: row.is_far(lane),
+                expected: w / step,
+                u,
+            });
         }
     }
 }
@@ -235,8 +225,7 @@ impl Draws {
 /// Eight at a time in `f32`: a share of 10⁻⁷ lost in one block is lost for good, but to the same extent in the choice within the
 /// block, which is made by the weights themselves.
 fn sum_of(weights: &Lanes) -> f64 {
-    let [a, b, c, d, e, f, g, h] = weights.map(f64::from);
-    ((a + b) + (c + d)) + ((e + f) + (g + h))
+    running_sums(weights)[WIDTH - 1]
 }
 
 /// Takes every single light whose weight is at least `bar`, and says how many there were.

@@ -7,6 +7,7 @@ mod collapse;
 mod cone;
 mod conty_kulla;
 mod cut;
+mod descent;
 mod draws;
 mod emission;
 mod energy_variance;

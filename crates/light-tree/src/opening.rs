@@ -26,17 +26,26 @@ pub(crate) struct Row {
     block: u32,
     /// Of the cut: the only one that a block of the tree is a part of, or the first of a block of the cut.
     cluster: u32,
+    /// Clusters whose lights are alike, bit by bit: see [`Weighed::alike`].
+    alike: u8,
 }
 
 /// Set in the block of a [`Row`] of the tree.
 const OF_TREE: u32 = 1 << 31;
 
 impl Row {
-    pub(crate) fn of_cut(block: usize) -> Self {
+    pub(crate) fn of_cut(block: usize, alike: &Lanes) -> Self {
         Self {
             block: block as u32,
             cluster: (block * WIDTH) as u32,
+            alike: bits_of(alike),
         }
+    }
+
+    /// Whether lights of the cluster in `lane` are drawn by their intensities alone.
+    #[inline]
+    pub(crate) fn is_far(self, lane: usize) -> bool {
+        self.alike >> lane & 1 != 0
     }
 
     /// The block of the tree that it is, if it is one.
@@ -52,6 +61,16 @@ impl Row {
             Some(_) => self.cluster,
         }
     }
+}
+
+/// Lanes > 0, bit by bit.
+#[inline(always)]
+fn bits_of(lanes: &Lanes) -> u8 {
+    let mut bits = 0;
+    for (lane, &value) in lanes.iter().enumerate() {
+        bits |= u8::from(value > 0.0) << lane;
+    }
+    bits
 }
 
 /// Memory of the opening.
@@ -196,9 +215,10 @@ impl WideTree {
                 weights,
                 peaks: draws.peaks[b],
                 swings: draws.swings[b],
+                alike: draws.alike[b],
             };
-            opening.push(Row::of_cut(b), &cut.blocks[b].clusters, weighed, bar);
-            while let Some(row) = opening.stack.pop() {
+            opening.push(draws.rows[b], &cut.blocks[b].clusters, weighed, bar);
+            while let Some(mut row) = opening.stack.pop() {
                 let Some(block) = row.tree_block() else {
                     continue;
                 };
@@ -212,6 +232,7 @@ impl WideTree {
                         weighed.peaks[lane] *= factor;
                     }
                 }
+                row.alike = bits_of(&weighed.alike);
                 opening.push(row, &self.blocks[block].clusters, weighed, bar);
             }
         }
@@ -233,6 +254,7 @@ impl Opening {
             mut weights,
             peaks,
             swings,
+            ..
         } = weighed;
         let mut any = false;
         for lane in 0..WIDTH {
@@ -249,6 +271,7 @@ impl Opening {
                     self.stack.push(Row {
                         block: child as u32 | OF_TREE,
                         cluster: row.cluster(lane),
+                        alike: 0,
                     });
                 }
             }

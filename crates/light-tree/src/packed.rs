@@ -133,25 +133,6 @@ impl PackedBlock {
         self.clusters.iter().filter(|c| !c.is_unused()).count()
     }
 
-    /// Cosine of the cone of a cluster's axes.
-    #[inline(always)]
-    pub(crate) fn cos(&self, lane: usize) -> f32 {
-        cosine(self.cos[lane])
-    }
-
-    /// Least and greatest coordinate of a cluster.
-    #[inline(always)]
-    pub(crate) fn extent(&self, axis: usize, lane: usize) -> (f32, f32) {
-        let (lo, hi) = (self.lo[axis][lane], self.hi[axis][lane]);
-        (self.unpack(axis, lo), self.unpack(axis, hi))
-    }
-
-    /// Greatest radius of a cluster's spheres.
-    #[inline(always)]
-    pub(crate) fn radius(&self, lane: usize) -> f32 {
-        from_short_float(self.radius[lane])
-    }
-
     /// All of it.
     #[inline(always)]
     pub(crate) fn block(&self) -> Block {
@@ -254,13 +235,6 @@ mod tests {
                 let block = packed.block();
                 for lane in 0..packed.len() {
                     let below = tree.lights_below(packed.clusters[lane]);
-                    for axis in 0..3 {
-                        assert_eq!(
-                            packed.extent(axis, lane),
-                            (block.lo[axis][lane], block.hi[axis][lane])
-                        );
-                    }
-                    assert_eq!(packed.cos(lane), block.cos[lane]);
                     // The middle of a triangle is rounded.
                     let has_place = |l: &LightId| {
                         let kind = lights.kind(*l);
@@ -269,7 +243,7 @@ mod tests {
                     for light in below.into_iter().filter(has_place) {
                         let at = lights.position(light) * tree.scale;
                         for axis in 0..3 {
-                            let (lo, hi) = packed.extent(axis, lane);
+                            let (lo, hi) = (block.lo[axis][lane], block.hi[axis][lane]);
                             assert!(lo <= at[axis] && at[axis] <= hi, "{at} not in {lo} to {hi}");
                         }
                     }
@@ -330,9 +304,9 @@ mod tests {
             for k in used..4 {
                 block.clusters[k] = Block::EMPTY.clusters[k];
             }
-            let packed = PackedBlock::of(&block);
+            let unpacked = PackedBlock::of(&block).block();
             for (k, place) in places.iter().enumerate().take(used) {
-                let (lo, hi) = packed.extent(0, k);
+                let (lo, hi) = (unpacked.lo[0][k], unpacked.hi[0][k]);
                 assert!(lo <= *place && place.next_up() <= hi, "{k} of {used}");
                 let wide = if used == 3 { 1e-6 } else { 1e-4 };
                 assert!(hi - lo < wide, "{} of {used}", hi - lo);

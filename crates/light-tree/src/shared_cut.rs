@@ -153,13 +153,17 @@ impl SharedCut {
     pub fn weigh(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
         tree.weigh_all(&self.blocks, receiver, draws);
         let parallel = self.blocks.iter().zip(&self.parallel);
-        for ((block, parallel), weights) in parallel.zip(&mut draws.weights) {
-            block.add_parallel(receiver, parallel, weights);
+        let weighed = draws.weights.iter_mut().zip(&mut draws.alike);
+        for ((block, parallel), (weights, alike)) in parallel.zip(weighed) {
+            block.add_parallel(receiver, parallel, weights, alike);
         }
         draws.factors.clear();
         draws.near = 0;
         draws.rows.clear();
-        draws.rows.extend((0..self.blocks.len()).map(Row::of_cut));
+        let rows = draws.alike.iter().enumerate();
+        draws
+            .rows
+            .extend(rows.map(|(b, alike)| Row::of_cut(b, alike)));
     }
 
     /// Draws one light from the `i`-th cluster; `None` when nothing in it can light the receiver.
@@ -177,7 +181,7 @@ impl SharedCut {
         draws.picks.push(Pick {
             cluster: self.cluster(i),
             of: i as u32,
-            is_far: false,
+            is_far: draws.rows[i / WIDTH].is_far(i % WIDTH),
             expected: 1.0,
             u,
         });

@@ -2,15 +2,15 @@
 
 #[cfg(test)]
 use crate::block::Cluster;
-use crate::block::{Block, Lanes, Seen, SeenLobe, WIDTH, Weighed};
+use crate::block::{Block, Lanes, Seen, SeenLobe, Weighed};
 use crate::bounds::Receiver;
-use crate::draws::{Drawn, Draws, Pick};
+#[cfg(test)]
+use crate::descent::Shares;
+use crate::draws::Draws;
 #[cfg(test)]
 use crate::light::LightId;
 use crate::packed::PackedBlock;
-use crate::prefetch::prefetch;
 use crate::region::Region;
-use crate::select::BELOW_ONE;
 
 /// The first call where the processor has AVX2, for which it is compiled, else the second: the same code, and so the same bits.
 macro_rules! by_width {
@@ -42,12 +42,6 @@ pub struct WideTree {
     pub(crate) scale: f32,
     pub(crate) depth: u32,
 }
-
-/// A cluster is far off whose squared half diagonal is less than this share of its squared distance: a fifth of the distance,
-/// or of the lobe's width.
-const FAR2: f32 = 0.04;
-/// Cosine of the widest cone of normals, or of axes, of lights that shine alike.
-const ALIKE: f32 = 0.95;
 
 impl WideTree {
     /// Number of nodes, the root and the lights among them.
@@ -86,6 +80,7 @@ impl WideTree {
         draws.weights.clear();
         draws.peaks.clear();
         draws.swings.clear();
+        draws.alike.clear();
         let seen = self.seen(receiver);
         by_width!(
             self.weigh_all_avx2(blocks, &seen, draws),
@@ -111,6 +106,7 @@ impl WideTree {
             draws.weights.push(weighed.weights);
             draws.peaks.push(weighed.peaks);
             draws.swings.push(weighed.swings);
+            draws.alike.push(weighed.alike);
         }
     }
 
@@ -126,94 +122,6 @@ impl WideTree {
             (true, None) => block.weigh::<true, BOUND, false, REGION>(seen, &SeenLobe::NONE),
             (false, Some(lobe)) => block.weigh::<false, BOUND, true, REGION>(seen, lobe),
             (true, Some(lobe)) => block.weigh::<true, BOUND, true, REGION>(seen, lobe),
-        }
-    }
-
-    /// Draws one light for each of the picks, all descending side by side so that the memory latencies of one hide
-    /// behind the others'. A cluster of weight `step` is picked once on average.
-    pub(crate) fn descend_all(&self, receiver: &Receiver, step: f64, draws: &mut Draws) {
-        let Draws {
-            picks,
-            lights,
-            dead,
-            descents: Descents(active),
-            ..
-        } = draws;
-        active.clear();
-        for pick in picks.iter() {
-            match pick.cluster.light() {
-                Some(light) => lights.push(pick.drawn(light, step)),
-                None => {
-                    prefetch(self.blocks.get(pick.cluster.0 as usize));
-                    active.push(*pick);
-                }
-            }
-        }
-        let seen = self.seen(receiver);
-        by_width!(
-            self.descend_avx2(receiver, &seen, step, active, lights, dead),
-            self.descend(receiver, &seen, step, active, lights, dead)
-        )
-    }
-
-    /// The same code and the same bits, eight lanes to an instruction.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn descend_avx2(
-        &self,
-        receiver: &Receiver,
-        seen: &Seen,
-        step: f64,
-        active: &mut Vec<Pick>,
-        lights: &mut Vec<Drawn>,
-        dead: &mut u32,
-    ) {
-        self.descend(receiver, seen, step, active, lights, dead);
-    }
-
-    #[inline(always)]
-    fn descend(
-        &self,
-        receiver: &Receiver,
-        seen: &Seen,
-        step: f64,
-        active: &mut Vec<Pick>,
-        lights: &mut Vec<Drawn>,
-        dead: &mut u32,
-    ) {
-        while !active.is_empty() {
-            let mut kept = 0;
-            for i in 0..active.len() {
-                let mut pick = active[i];
-                let Some(block) = pick.cluster.block() else {
-                    continue;
-                };
-                let shares = self.shares(block, receiver, seen, pick.is_far);
-                let Some((lane, p, u)) = choose(&shares, pick.u) else {
-                    *dead += 1;
-                    continue;
-                };
-                pick.expected *= p;
-                pick.u = u;
-                pick.cluster = self.blocks[block].clusters[lane];
-                pick.is_far = pick.is_far || self.is_far(block, lane, seen);
-                match pick.cluster.light() {
-                    // A product of hundreds of tiny probabilities could underflow: such a light cannot be told from
-                    // none.
-                    Some(light) if pick.expected > 0.0 => lights.push(pick.drawn(light, step)),
-                    Some(_) => *dead += 1,
-                    None => {
-                        let next = self.blocks.get(pick.cluster.0 as usize);
-                        match pick.is_far {
-                            true => prefetch(next.map(|block| &block.intensity)),
-                            false => prefetch(next),
-                        }
-                        active[kept] = pick;
-                        kept += 1;
-                    }
-                }
-            }
-            active.truncate(kept);
         }
     }
 
@@ -237,14 +145,14 @@ impl WideTree {
             let Some(block) = cluster.block() else {
                 continue;
             };
-            let weights = self.shares(block, receiver, &seen, is_far);
+            let Shares { weights, alike } = self.shares(block, receiver, &seen, is_far);
             let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
             if sum <= 0.0 {
                 dead += pmf;
                 continue;
             }
             for (lane, &w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                let is_far = is_far || self.is_far(block, lane, &seen);
+                let is_far = is_far || alike[lane] > 0.0;
                 let child = self.blocks[block].clusters[lane];
                 stack.push((child, pmf * f64::from(w) / sum, is_far));
             }
@@ -277,40 +185,6 @@ impl WideTree {
             .weights
     }
 
-    /// What lights of a block's clusters are drawn by: their weights, or where all that the block holds is far off, their
-    /// intensities.
-    #[inline(always)]
-    fn shares(&self, block: usize, receiver: &Receiver, seen: &Seen, is_far: bool) -> Lanes {
-        match is_far {
-            true => self.blocks[block].intensity,
-            false => self.weights::<false>(block, receiver, seen).weights,
-        }
-    }
-
-    /// Whether the lights of a cluster are so far off, and shine so much alike, that only their intensities tell them
-    /// apart.
-    #[inline(always)]
-    fn is_far(&self, block: usize, lane: usize, seen: &Seen) -> bool {
-        let parallel = self.parallel.get(block);
-        if parallel.is_some_and(|parallel| parallel[lane] > 0.0) {
-            return false;
-        }
-        let block = &self.blocks[block];
-        if self.oriented && block.cos(lane) < ALIKE {
-            return false;
-        }
-        let (mut centre2, mut half2) = (0.0, 0.0);
-        for axis in 0..3 {
-            let (lo, hi) = block.extent(axis, lane);
-            let (c, h) = (0.5 * (lo + hi) - seen.position[axis], 0.5 * (hi - lo));
-            centre2 += c * c;
-            half2 += h * h;
-        }
-        let radius = block.radius(lane);
-        let width2 = seen.lobe.as_ref().map_or(1.0, |lobe| lobe.alpha2);
-        half2 + radius * radius < FAR2 * width2 * centre2
-    }
-
     /// Weights of the clusters of a block.
     #[inline(always)]
     pub(crate) fn weights<const REGION: bool>(
@@ -334,40 +208,11 @@ impl WideTree {
     ) -> Weighed {
         let mut weighed = self.weigh::<BOUND, REGION>(block, seen);
         if let Some(parallel) = parallel {
-            block.add_parallel(receiver, parallel, &mut weighed.weights);
+            let Weighed { weights, alike, .. } = &mut weighed;
+            block.add_parallel(receiver, parallel, weights, alike);
         }
         weighed
     }
-}
-
-/// Descents under way.
-#[derive(Debug, Default)]
-pub(crate) struct Descents(Vec<Pick>);
-
-/// Chooses a lane by its weight with `u`: lane, probability, and the rescaled number; `None` when all are 0.
-#[inline(always)]
-fn choose(weights: &Lanes, u: f64) -> Option<(usize, f64, f64)> {
-    let mut to = [0.0f64; WIDTH];
-    let mut sum = 0.0;
-    for k in 0..WIDTH {
-        sum += f64::from(weights[k]);
-        to[k] = sum;
-    }
-    if sum <= 0.0 {
-        return None;
-    }
-    let t = u * sum;
-    let mut lane = 0;
-    for upper in to {
-        lane += usize::from(upper <= t);
-    }
-    // u · sum may round up to the sum: then the last lane with a weight is meant.
-    if lane == WIDTH {
-        lane = weights.iter().rposition(|&w| w > 0.0)?;
-    }
-    let w = f64::from(weights[lane]);
-    let from = to[lane] - w;
-    Some((lane, w / sum, ((t - from) / w).clamp(0.0, BELOW_ONE)))
 }
 
 #[cfg(test)]
@@ -578,26 +423,5 @@ mod tests {
         for k in [-30, -7, 9, 30] {
             assert_eq!(weights(2.0f32.powi(k)), weights(1.0), "at 2^{k}");
         }
-    }
-
-    #[test]
-    fn extreme_numbers_never_choose_a_lane_of_weight_zero() {
-        let tiny = f32::from_bits(1);
-        for weights in [
-            [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-            [0.0, tiny, 0.0, 1.0, 0.0, tiny, 0.0, 0.0],
-            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-38],
-            [1e38, 0.0, 0.0, tiny, 0.0, 0.0, 0.0, 0.0],
-        ] {
-            for u in [0.0, 1e-300, 0.5, 1.0 - 1e-9, BELOW_ONE] {
-                let (lane, p, rest) = choose(&weights, u).expect("something is lit");
-                assert!(
-                    weights[lane] > 0.0 && p > 0.0,
-                    "{weights:?} {u}: lane {lane}"
-                );
-                assert!((0.0..1.0).contains(&rest), "{weights:?} {u}: {rest}");
-            }
-        }
-        assert!(choose(&[0.0; WIDTH], 0.5).is_none(), "all dark");
     }
 }
