@@ -2,6 +2,7 @@
 
 mod saved;
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -20,7 +21,7 @@ use crate::learned::Learned;
 use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
-use crate::shadow_queue::{QueueScratch, Seen, ShadowQueue};
+use crate::shadow_queue::{LightEval, QueueScratch, Seen, ShadowQueue};
 use crate::tile_points::{
     Centre, TILE, TilePoints, block, block_edges, is_milestone, next_milestone,
 };
@@ -384,13 +385,17 @@ impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
     fn visit<'m, M: Method<'m>>(mut self, method: M) {
         let share = 1.0 / self.tiles.len().max(1) as f64;
         let tiles = std::mem::take(&mut self.tiles);
-        tiles.par_iter_mut().with_max_len(1).for_each_init(
-            Scratch::<M::Scratch>::default,
-            |scratch, tile| {
-                self.tile(&method, tile, scratch);
-                (self.tile_done)(share);
-            },
-        );
+        // As many as threads at a time, taken and given back: what `for_each_init` makes serves one tile each.
+        let idle = Mutex::new(Vec::<Scratch<M::Scratch>>::new());
+        tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
+            let kept = idle.lock().ok().and_then(|mut idle| idle.pop());
+            let mut scratch = kept.unwrap_or_default();
+            self.tile(&method, tile, &mut scratch);
+            if let Ok(mut idle) = idle.lock() {
+                idle.push(scratch);
+            }
+            (self.tile_done)(share);
+        });
     }
 }
 
@@ -471,11 +476,10 @@ impl<F> PassOf<'_, F> {
             probe_stream: &probe_stream(0),
             stream: &stream,
         };
-        let began = Instant::now();
         let mut learned = tile.learned.clone();
         queue.begin_tile(probe_stream(1));
         method.begin_tile(&handed, &mut queue, &mut learned, &mut scratch.method);
-        queue.counters.time(Phase::Cut, began.elapsed());
+        queue.mark(Phase::Cut);
         queue.give_trials(std::mem::take(&mut learned.trials));
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.
