@@ -2,8 +2,8 @@
 
 mod saved;
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use film::{Picture, PixelStats};
@@ -21,7 +21,7 @@ use crate::learned::Learned;
 use crate::method::{Method, MethodSpec, Visitor};
 use crate::path::{Integrator, Walk, seen};
 use crate::point::GatherPoint;
-use crate::shadow_queue::{QueueScratch, Seen, ShadowQueue};
+use crate::shadow_queue::{LightEval, QueueScratch, Seen, ShadowQueue};
 use crate::tile_points::{
     Centre, TILE, TilePoints, block, block_edges, is_milestone, next_milestone,
 };
@@ -385,17 +385,15 @@ impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
     fn visit<'m, M: Method<'m>>(mut self, method: M) {
         let share = 1.0 / self.tiles.len().max(1) as f64;
         let tiles = std::mem::take(&mut self.tiles);
-        // Not `for_each_init`: that makes memory anew for each tile.
+        // As many as threads at a time, taken and given back: what `for_each_init` makes serves one tile each.
         let idle = Mutex::new(Vec::<Scratch<M::Scratch>>::new());
-        let take = || idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let give = |scratch| {
-            let mut idle = idle.lock().unwrap_or_else(PoisonError::into_inner);
-            idle.push(scratch);
-        };
         tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
-            let mut scratch = take().unwrap_or_default();
+            let kept = idle.lock().ok().and_then(|mut idle| idle.pop());
+            let mut scratch = kept.unwrap_or_default();
             self.tile(&method, tile, &mut scratch);
-            give(scratch);
+            if let Ok(mut idle) = idle.lock() {
+                idle.push(scratch);
+            }
             (self.tile_done)(share);
         });
     }
@@ -478,11 +476,10 @@ impl<F> PassOf<'_, F> {
             probe_stream: &probe_stream(0),
             stream: &stream,
         };
-        let began = Instant::now();
         let mut learned = tile.learned.clone();
         queue.begin_tile(probe_stream(1));
         method.begin_tile(&handed, &mut queue, &mut learned, &mut scratch.method);
-        queue.counters.time(Phase::Cut, began.elapsed());
+        queue.mark(Phase::Cut);
         queue.give_trials(std::mem::take(&mut learned.trials));
         let pixel_of = |x: &GatherPoint| x.slot as usize / samples;
         // Points that a method is given together.

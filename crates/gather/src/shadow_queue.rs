@@ -139,7 +139,15 @@ pub struct ShadowQueue<'a> {
     /// Numbers for points on lights, of the pixel sample under way.
     rng: Rng,
     until_timed: u32,
-    mark: Option<Instant>,
+    mark: Option<Mark>,
+}
+
+/// When what is timed began.
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    since: Instant,
+    /// What its time stands for, as a multiple.
+    weight: u32,
 }
 
 /// Memory of a [`ShadowQueue`], kept between tiles.
@@ -186,6 +194,10 @@ impl<'a> ShadowQueue<'a> {
     /// Begins a tile, before its first gather point: `rng` serves points on lights until then.
     pub fn begin_tile(&mut self, rng: Rng) {
         self.rng = rng;
+        self.mark = Some(Mark {
+            since: Instant::now(),
+            weight: 1,
+        });
     }
 
     /// Takes over what came of earlier trials.
@@ -211,7 +223,10 @@ impl<'a> ShadowQueue<'a> {
         self.mark = None;
         if self.until_timed == 0 {
             self.until_timed = TIMED;
-            self.mark = Some(Instant::now());
+            self.mark = Some(Mark {
+                since: Instant::now(),
+                weight: TIMED,
+            });
         }
         self.until_timed -= 1;
     }
@@ -287,12 +302,13 @@ impl<'a> ShadowQueue<'a> {
             return Vec3::ZERO;
         }
         self.counters.shadow_rays += 1;
-        let started = self.mark.map(|_| Instant::now());
+        let is_timed = |mark: &Mark| mark.weight == TIMED;
+        let started = self.mark.filter(is_timed).map(|_| Instant::now());
         let occluded = self.tracer.is_occluded(&light.shadow_ray);
         if let (Some(mark), Some(started)) = (&mut self.mark, started) {
             // The ray's time is taken out of the phase under way.
             let spent = started.elapsed();
-            *mark += spent;
+            mark.since += spent;
             self.counters.time(Phase::Trace, spent * TIMED);
         }
         if occluded { Vec3::ZERO } else { light.radiance }
@@ -371,10 +387,10 @@ impl LightEval for ShadowQueue<'_> {
 
     #[inline]
     fn mark(&mut self, phase: Phase) {
-        if let Some(since) = self.mark {
+        if let Some(mark) = &mut self.mark {
             let now = Instant::now();
-            self.counters.time(phase, (now - since) * TIMED);
-            self.mark = Some(now);
+            self.counters.time(phase, (now - mark.since) * mark.weight);
+            mark.since = now;
         }
     }
 

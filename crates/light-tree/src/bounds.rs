@@ -109,61 +109,17 @@ impl Receiver {
 
     #[inline]
     pub(crate) fn cos_bound_over(&self, seen: &RelativeBox) -> f32 {
-        let (centre, half) = seen.centre_and_half();
+        // Both doubled: only directions matter.
+        let (centre, half) = (seen.lo + seen.hi, seen.hi - seen.lo);
         let c = self.frame * centre;
         let e = self.frame_abs * (half + SLACK * (centre.abs() + half));
         let top = c.z + e.z;
         let beside = (c.abs() - e).max(Vec3A::ZERO);
         let across2 = beside.x * beside.x + beside.y * beside.y;
-        // No branch: which boxes are below the horizon cannot be predicted. Above it, a length whose square
-        // underflows must not divide by 0; below it the quotient is negative.
-        let length = (across2 + top * top).sqrt().max(f32::MIN_POSITIVE);
-        (top / length).clamp(0.0, 1.0)
-    }
-
-    /// [`cos_bound_over`](Self::cos_bound_over) of several boxes: the same operations in the same order, and so the same bits.
-    #[inline(always)]
-    pub(crate) fn cos_bounds_over<const N: usize>(&self, seen: &Boxes<N>) -> [f32; N] {
-        let (frame, frame_abs) = (self.frame, self.frame_abs);
-        let mut bounds = [0.0; N];
-        for (k, bound) in bounds.iter_mut().enumerate() {
-            let (mut centre, mut extent) = ([0.0; 3], [0.0; 3]);
-            for axis in 0..3 {
-                let (lo, hi) = (seen.lo[axis][k], seen.hi[axis][k]);
-                centre[axis] = (lo + hi) * 0.5;
-                let half = (hi - lo) * 0.5;
-                extent[axis] = half + SLACK * (centre[axis].abs() + half);
-            }
-            let row = |columns: &Mat3A, of: [f32; 3], r: usize| {
-                columns.x_axis[r] * of[0] + columns.y_axis[r] * of[1] + columns.z_axis[r] * of[2]
-            };
-            let beside = |r: usize| {
-                greater(
-                    row(&frame, centre, r).abs() - row(&frame_abs, extent, r),
-                    0.0,
-                )
-            };
-            let top = row(&frame, centre, 2) + row(&frame_abs, extent, 2);
-            let (x, y) = (beside(0), beside(1));
-            let across2 = x * x + y * y;
-            let length = greater((across2 + top * top).sqrt(), f32::MIN_POSITIVE);
-            *bound = (top / length).clamp(0.0, 1.0);
-        }
-        bounds
-    }
-
-    /// The boxes, seen from the receiver.
-    #[inline(always)]
-    pub(crate) fn relative_boxes<const N: usize>(&self, boxes: &Boxes<N>) -> Boxes<N> {
-        let mut seen = *boxes;
-        for axis in 0..3 {
-            let at = self.position[axis];
-            for k in 0..N {
-                seen.lo[axis][k] -= at;
-                seen.hi[axis][k] -= at;
-            }
-        }
-        seen
+        // No branch: which boxes are below the horizon cannot be predicted. Above it, a length whose square underflows or
+        // is rounded down must not make the quotient more than 1, nor divide by 0.
+        let length = (across2 + top * top).sqrt();
+        top.max(0.0) / length.max(top.max(f32::MIN_POSITIVE))
     }
 
     /// Upper bound of cos⁺ between the normal, or any of the region's, and the direction against the travel of parallel light in
@@ -327,36 +283,105 @@ impl RelativeBox {
     }
 }
 
+/// Several receivers, each of which looks at a box of its own.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct ReceiverLanes<const N: usize> {
+    position: [[f32; N]; 3],
+    /// [`Receiver::frame`], row by row.
+    frame: [[[f32; N]; 3]; 3],
+}
+
 /// Several boxes, coordinate by coordinate.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Boxes<const N: usize> {
+#[repr(align(64))]
+pub(crate) struct BoxLanes<const N: usize> {
     pub(crate) lo: [[f32; N]; 3],
     pub(crate) hi: [[f32; N]; 3],
 }
 
-impl<const N: usize> Boxes<N> {
-    /// [`RelativeBox::least2`] of each.
-    #[inline(always)]
-    pub(crate) fn least2(&self) -> [f32; N] {
-        self.squared_length(|lo, hi| greater(greater(lo, -hi), 0.0))
-    }
+/// What several receivers see of a box each.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SeenLanes<const N: usize> {
+    /// [`Receiver::cos_bound_over`].
+    pub(crate) cos: [f32; N],
+    /// [`RelativeBox::least2`].
+    pub(crate) least2: [f32; N],
+    /// [`RelativeBox::diagonal2`].
+    pub(crate) diagonal2: [f32; N],
+}
 
-    /// [`RelativeBox::diagonal2`] of each.
-    #[inline(always)]
-    pub(crate) fn diagonal2(&self) -> [f32; N] {
-        self.squared_length(|lo, hi| hi - lo)
-    }
+impl<const N: usize> ReceiverLanes<N> {
+    /// Receivers that have no normal: all is dark.
+    pub(crate) const NOWHERE: Self = Self {
+        position: [[0.0; N]; 3],
+        frame: [[[0.0; N]; 3]; 3],
+    };
 
-    /// Squared length of the vectors whose coordinates follow from those of the corners.
+    /// The same receiver in each lane.
     #[inline(always)]
-    fn squared_length(&self, coordinate: impl Fn(f32, f32) -> f32) -> [f32; N] {
-        let mut squares = [0.0; N];
-        for (k, square) in squares.iter_mut().enumerate() {
-            let along = |axis: usize| coordinate(self.lo[axis][k], self.hi[axis][k]);
-            let (x, y, z) = (along(0), along(1), along(2));
-            *square = x * x + y * y + z * z;
+    pub(crate) fn splat(receiver: &Receiver) -> Self {
+        let mut lanes = Self::NOWHERE;
+        for lane in 0..N {
+            lanes.set(lane, receiver);
         }
-        squares
+        lanes
+    }
+
+    /// Puts a receiver in a lane.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, receiver: &Receiver) {
+        for axis in 0..3 {
+            self.position[axis][lane] = receiver.position[axis];
+            for row in 0..3 {
+                self.frame[row][axis][lane] = receiver.frame.col(axis)[row];
+            }
+        }
+    }
+
+    /// What each receiver sees of its box: the same operations in the same order as for one alone, and so the same bits.
+    #[inline(always)]
+    pub(crate) fn see(&self, boxes: &BoxLanes<N>) -> SeenLanes<N> {
+        let mut seen = SeenLanes {
+            cos: [0.0; N],
+            least2: [0.0; N],
+            diagonal2: [0.0; N],
+        };
+        for k in 0..N {
+            let (mut centre, mut inward, mut nearest) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            let mut slack = [0.0; 3];
+            for axis in 0..3 {
+                let at = self.position[axis][k];
+                // How far the box reaches below and above: both with signs such that they are added rather than one of them
+                // turned around.
+                let (lo, above) = (boxes.lo[axis][k] - at, at - boxes.hi[axis][k]);
+                nearest[axis] = greater(greater(lo, above), 0.0);
+                // Both doubled: only directions matter.
+                (centre[axis], inward[axis]) = (lo - above, lo + above);
+                slack[axis] = SLACK * (centre[axis].abs() - inward[axis]);
+            }
+            let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let inner = [
+                inward[0] - slack[0],
+                inward[1] - slack[1],
+                inward[2] - slack[2],
+            ];
+            let frame = |r: usize, axis: usize| self.frame[r][axis][k];
+            let middle = |r| dot([frame(r, 0), frame(r, 1), frame(r, 2)], centre);
+            let reach = |r| {
+                let [x, y, z] = [frame(r, 0), frame(r, 1), frame(r, 2)];
+                dot([x.abs(), y.abs(), z.abs()], inner)
+            };
+            let top = middle(2) - reach(2);
+            let x = greater(middle(0).abs() + reach(0), 0.0);
+            let y = greater(middle(1).abs() + reach(1), 0.0);
+            let length = ((x * x + y * y) + top * top).sqrt();
+            let length = greater(length, greater(top, f32::MIN_POSITIVE));
+            seen.cos[k] = greater(top, 0.0) / length;
+            seen.least2[k] = dot(nearest, nearest);
+            seen.diagonal2[k] = dot(inward, inward);
+        }
+        seen
     }
 }
 
@@ -364,6 +389,12 @@ impl<const N: usize> Boxes<N> {
 #[inline(always)]
 fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
+}
+
+/// The lesser of two numbers, likewise.
+#[inline(always)]
+pub(crate) fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// cos⁺(θ − β) for θ given by `cos` and β by `cos_half`, 1 when θ ≤ β.
@@ -418,7 +449,7 @@ mod tests {
             let (a, b) = (point(u)?, point(u)?);
             let normal = (b - a).try_normalize().unwrap_or(Vec3::Y);
             let x = Receiver::new(a, normal);
-            let mut boxes = Boxes {
+            let mut boxes = BoxLanes {
                 lo: [[0.0; 8]; 3],
                 hi: [[0.0; 8]; 3],
             };
@@ -431,12 +462,10 @@ mod tests {
                 }
                 nodes.push(node);
             }
-            let seen = x.relative_boxes(&boxes);
-            let cosines = x.cos_bounds_over(&seen);
-            let (least2, diagonal2) = (seen.least2(), seen.diagonal2());
+            let seen = ReceiverLanes::splat(&x).see(&boxes);
             for (k, node) in nodes.iter().enumerate() {
                 let alone = x.relative(node);
-                let side_by_side = [cosines[k], least2[k], diagonal2[k]];
+                let side_by_side = [seen.cos[k], seen.least2[k], seen.diagonal2[k]];
                 let each = [x.cos_bound(node), alone.least2(), alone.diagonal2()];
                 assert_eq!(
                     side_by_side.map(f32::to_bits),

@@ -1,6 +1,6 @@
 //! Cuts: which clusters represent all lights for one receiver.
 
-use crate::bounds::Receiver;
+use crate::bounds::{Receiver, SeenLanes};
 use crate::tree::{LightTree, NodeId};
 use crate::weight::NodeWeights;
 
@@ -10,6 +10,8 @@ struct Entry {
     node: NodeId,
     /// Upper bound of what the cluster can contribute, up to material and visibility; 0 for a leaf, which is exact.
     bound: f32,
+    /// Whether its children have taken its place.
+    is_split: bool,
 }
 
 /// A partition of the lights that can reach a receiver into clusters; memory is kept between receivers.
@@ -64,23 +66,25 @@ impl Cut {
         assert!(size >= 1, "a cut has at least one cluster");
         self.entries.clear();
         self.push::<KEEP_DARK>(tree, weights, receiver, tree.root());
-        while self.entries.len() < size {
-            let Some((worst, entry)) = self
+        let mut split = 0;
+        while self.entries.len() - split < size {
+            let Some(worst) = self
                 .entries
-                .iter()
-                .enumerate()
-                .reduce(|a, b| if b.1.bound > a.1.bound { b } else { a })
-                .filter(|(_, e)| e.bound > 0.0)
+                .iter_mut()
+                .reduce(|a, b| if b.bound > a.bound { b } else { a })
+                .filter(|entry| entry.bound > 0.0)
             else {
-                return;
+                break;
             };
-            let Some(first) = tree.node(entry.node).first_child() else {
-                return;
+            let Some(first) = tree.node(worst.node).first_child() else {
+                break;
             };
-            self.entries.swap_remove(worst);
+            (worst.bound, worst.is_split) = (0.0, true);
+            split += 1;
             self.push::<KEEP_DARK>(tree, weights, receiver, first);
             self.push::<KEEP_DARK>(tree, weights, receiver, NodeId(first.0 + 1));
         }
+        self.entries.retain(|entry| !entry.is_split);
     }
 
     /// The clusters.
@@ -112,6 +116,7 @@ impl Cut {
             self.entries.push(Entry {
                 node: id,
                 bound: if is_leaf { 0.0 } else { bound },
+                is_split: false,
             });
         }
     }
@@ -129,6 +134,29 @@ impl LightTree {
         self.contribution_bound(weights, receiver, id)
     }
 
+    /// The bounds, by the cosine, of both of each of `PAIRS` pairs of siblings, whose places are `pairs`, where no light is without
+    /// falloff. What is seen of them lies as in [`PairLanes`](crate::pair_lanes::PairLanes).
+    #[inline(always)]
+    pub(crate) fn contribution_bounds<const PAIRS: usize, const NODES: usize>(
+        &self,
+        seen: &SeenLanes<NODES>,
+        intensity: &[f32; NODES],
+        pairs: &[u32; PAIRS],
+    ) -> [f32; NODES] {
+        let mut nearest2 = [NEAREST_SHARE * self.diagonal2; NODES];
+        if nearest2[0] < self.greatest_dist2 {
+            for (lane, nearest2) in nearest2.iter_mut().enumerate() {
+                let node = NodeId(2 * pairs[lane % PAIRS] + (lane / PAIRS) as u32);
+                *nearest2 = nearest2.max(self.least_dist2(node));
+            }
+        }
+        let mut bounds = [0.0; NODES];
+        for k in 0..NODES {
+            bounds[k] = bound(seen.cos[k], intensity[k], seen.least2[k], nearest2[k]);
+        }
+        bounds
+    }
+
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ with the nearest distance: 0 only when nothing below can light the receiver.
     #[inline]
     fn contribution_bound(&self, weights: NodeWeights, receiver: &Receiver, id: NodeId) -> f32 {
@@ -136,22 +164,12 @@ impl LightTree {
         let mut bound = 0.0;
         if node.has_positions() {
             let seen = receiver.relative(node);
-            let d2 = seen.least2();
             let nearest2 = (NEAREST_SHARE * self.diagonal2).max(self.least_dist2(id));
             let mut reflected = weights.reflection(receiver, &seen);
             if weights.bounds_emission() {
                 reflected *= seen.emission_bound(self.emission(id));
             }
-            if reflected > 0.0 {
-                let falloff = d2.max(nearest2);
-                // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
-                let value = if falloff > 0.0 {
-                    reflected * node.intensity / falloff
-                } else {
-                    f32::MAX
-                };
-                bound = value.clamp(f32::MIN_POSITIVE, f32::MAX);
-            }
+            bound = self::bound(reflected, node.intensity, seen.least2(), nearest2);
         }
         let parallel = self.directional_intensity(id);
         if parallel > 0.0 {
@@ -162,6 +180,21 @@ impl LightTree {
         }
         bound
     }
+}
+
+/// What lights of this intensity in all, of which `reflected` arrives at most, bring at a squared distance that is no less than
+/// `nearest2`: 0 only where nothing arrives.
+#[inline(always)]
+fn bound(reflected: f32, intensity: f32, dist2: f32, nearest2: f32) -> f32 {
+    let falloff = dist2.max(nearest2);
+    // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
+    let value = if falloff > 0.0 {
+        reflected * intensity / falloff
+    } else {
+        f32::MAX
+    };
+    let value = value.clamp(f32::MIN_POSITIVE, f32::MAX);
+    if reflected > 0.0 { value } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -22,3 +22,21 @@ pub(crate) fn prefetch<T>(value: Option<&T>) {
     #[cfg(not(target_arch = "x86_64"))]
     let _ = value;
 }
+
+/// The same for one of many values, of a line at most, or for nothing where there are not so many. Without a branch.
+#[inline(always)]
+pub(crate) fn prefetch_at<T>(values: &[T], at: usize) {
+    const { assert!(size_of::<T>() == align_of::<T>(), "within a line") };
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let address = values.as_ptr().wrapping_add(at).cast::<i8>();
+        #[allow(unsafe_code, reason = "the only way to prefetch")]
+        // SAFETY: a prefetch reads nothing the program can see and never faults.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(address);
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, at);
+}

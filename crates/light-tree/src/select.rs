@@ -1,9 +1,12 @@
 //! Hierarchical importance sampling: one light from a cluster.
 
-use crate::bounds::Receiver;
+use std::hint::select_unpredictable;
+
+use crate::bounds::{Receiver, ReceiverLanes};
 use crate::light::LightId;
-use crate::prefetch::prefetch;
-use crate::tree::{LightTree, NodeId};
+use crate::pair_lanes::PairLanes;
+use crate::prefetch::{prefetch, prefetch_at};
+use crate::tree::{LEAF, LightTree, NodeId, Pair, light_of};
 use crate::weight::NodeWeights;
 use crate::wide::by_width;
 
@@ -48,15 +51,15 @@ struct Descent {
     pmf: f64,
 }
 
-/// One of many descents, at an inner node.
-#[derive(Debug, Clone, Copy)]
-struct Active {
-    /// The first of the node's children.
-    first: NodeId,
-    u: f64,
-    pmf: f64,
-    /// Position in the caller's list of results.
-    slot: usize,
+/// Where a descent starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Position of its receiver among those that lights are drawn for.
+    pub receiver: u32,
+    /// The cluster of which a light is drawn.
+    pub node: NodeId,
+    /// Random number, in [0, 1).
+    pub u: f64,
 }
 
 /// Largest f64 below 1.
@@ -65,171 +68,300 @@ pub(crate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 /// Chooses by `weights` with `u`; returns the chosen child, its probability and the rescaled number.
 #[inline]
 pub(crate) fn choose(weights: [f32; 2], u: f64) -> Option<(u32, f64, f64)> {
-    let (right, pmf, rest) = choose_live(weights, u);
-    (pmf > 0.0).then_some((right as u32, pmf, rest))
+    let chosen = choose_live(weights, u);
+    (!chosen.is_dead).then_some((u32::from(chosen.is_right), chosen.pmf, chosen.u))
 }
 
-/// As [`choose`]; where both weights are 0, the probability is no number, or 0.
+/// What is chosen of two children.
+struct Side {
+    is_right: bool,
+    /// Whether both weights are 0: then nothing is chosen.
+    is_dead: bool,
+    pmf: f64,
+    u: f64,
+}
+
+/// As [`choose`], but without a branch: the outcome is random, and a wrong guess costs more than the sums.
 #[inline(always)]
-fn choose_live(weights: [f32; 2], u: f64) -> (u64, f64, f64) {
+fn choose_live(weights: [f32; 2], u: f64) -> Side {
     let (w0, w1) = (f64::from(weights[0]), f64::from(weights[1]));
     let sum = w0 + w1;
     debug_assert!(sum.is_finite(), "weights {weights:?}");
-    // Selected, not branched on: the outcome is random, and a wrong guess costs more than the sums.
     // A child of weight 0 is never taken: scaled < w0 fails for w0 = 0 and holds for w0 = sum.
     let scaled = u * sum;
-    let right = (scaled >= w0) & (w1 > 0.0);
-    let (w, passed) = if right { (w1, w0) } else { (w0, 0.0) };
-    let rest = ((scaled - passed) / w).clamp(0.0, BELOW_ONE);
-    (u64::from(right), w / sum, rest)
+    let is_right = (scaled >= w0) & (w1 > 0.0);
+    let w = select_unpredictable(is_right, w1, w0);
+    let passed = select_unpredictable(is_right, w0, 0.0);
+    Side {
+        is_right,
+        is_dead: !(sum > 0.0),
+        pmf: w / sum,
+        u: ((scaled - passed) / w).clamp(0.0, BELOW_ONE),
+    }
 }
 
-/// Draws one light from each of many clusters, all descending side by side so that the memory latencies of
-/// one hide behind the others'. Memory is kept between receivers.
-#[derive(Debug, Clone, Default)]
-pub struct Selector {
-    active: Vec<Active>,
-    drawn: Vec<Option<Selected>>,
-    steps: Vec<FourSteps>,
+/// Many descents, some of them under way.
+struct Descending<'a> {
+    tree: &'a LightTree,
+    weights: NodeWeights,
+    receivers: &'a [&'a Receiver],
+    starts: &'a [Start],
+    /// How many have begun.
+    begun: usize,
+    drawn: &'a mut [Option<Selected>],
 }
 
-impl Selector {
-    /// Draws one light below each of `nodes` with the random numbers `u`, each in [0, 1).
-    ///
-    /// Results are in the order of `nodes`, `None` where nothing can light the receiver or, with
-    /// [`DeadBranch::Stop`], where a dead branch was met.
-    pub fn select(
-        &mut self,
-        tree: &LightTree,
-        weights: NodeWeights,
-        dead_branches: DeadBranch,
-        receiver: &Receiver,
-        nodes: impl Iterator<Item = NodeId>,
-        mut u: impl FnMut() -> f64,
-    ) -> &[Option<Selected>] {
-        self.drawn.clear();
-        self.active.clear();
-        for (slot, node) in nodes.enumerate() {
-            let u = u();
-            self.drawn.push(None);
-            match dead_branches {
-                DeadBranch::Stop => self.begin(tree, node, u, slot),
-                DeadBranch::Retry => {
-                    self.drawn[slot] = tree.select_retry(weights, receiver, node, u);
-                }
-            }
-        }
-        self.descend_all(tree, weights, receiver);
-        &self.drawn
+/// Descents that take a step together, each for a receiver of its own. `NODES` is twice `LANES`.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Lanes<const LANES: usize, const NODES: usize> {
+    /// As in [`PairLanes`].
+    receivers: ReceiverLanes<NODES>,
+    /// Random numbers, rescaled at each level to [0, 1).
+    u: [f64; LANES],
+    pmf: [f64; LANES],
+    /// The children of the node that each is at, by their place among pairs; the root itself where a descent is over.
+    pair: [u32; LANES],
+    /// What led there.
+    link: [u32; LANES],
+    /// Whether each is over: 0 or 1.
+    over: [u8; LANES],
+    /// Positions among the starts.
+    slot: [usize; LANES],
+    /// A bit for each lane: whether there is a descent in it.
+    used: u32,
+}
+
+/// Steps that are taken one after the other before the first lanes go on: by then what they asked of memory has arrived.
+const TURNS: usize = 4;
+
+impl Descending<'_> {
+    /// Goes on with all to their ends.
+    fn run(&mut self) {
+        by_width!(self.run_avx512(), self.run_avx2(), self.run_plain())
     }
 
-    /// Begins a descent below `node`, whose result is that of `slot`.
-    fn begin(&mut self, tree: &LightTree, node: NodeId, u: f64, slot: usize) {
-        let node = tree.node(node);
-        match node.first_child() {
-            Some(first) => self.active.push(Active {
-                first,
-                u,
-                pmf: 1.0,
-                slot,
-            }),
-            None => self.drawn[slot] = node.light().map(|light| Selected { light, pmf: 1.0 }),
-        }
-    }
-
-    /// Goes on with all descents to their ends.
-    fn descend_all(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
-        by_width!(
-            self.descend_all_avx2(tree, weights, receiver),
-            self.descend_all_with(tree, weights, receiver)
-        )
+    /// The same code and the same bits, sixteen nodes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn run_avx512(&mut self) {
+        self.run_with::<8, 16>(|pairs| PairLanes::of_avx512(pairs));
     }
 
     /// The same code and the same bits, eight nodes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn descend_all_avx2(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
-        self.descend_all_with(tree, weights, receiver);
+    fn run_avx2(&mut self) {
+        self.run_with::<4, 8>(|pairs| PairLanes::of_avx2(pairs));
+    }
+
+    fn run_plain(&mut self) {
+        self.run_with::<4, 8>(PairLanes::of);
     }
 
     #[inline(always)]
-    fn descend_all_with(&mut self, tree: &LightTree, weights: NodeWeights, receiver: &Receiver) {
-        let Self {
-            active,
-            drawn,
-            steps,
-        } = self;
-        while !active.is_empty() {
-            // First where all go, without a branch: the processor works on several steps at once.
-            steps.clear();
-            let mut from = 0;
-            while from < active.len() {
-                let count = (active.len() - from).min(FOUR);
-                let mut firsts = [NodeId(0); FOUR];
-                let mut u = [0.0f64; FOUR];
-                for k in 0..FOUR {
-                    // Where there are not so many the last is weighed again.
-                    let descent = &active[from + k.min(count - 1)];
-                    (firsts[k], u[k]) = (descent.first, descent.u);
+    fn run_with<const LANES: usize, const NODES: usize>(
+        &mut self,
+        load: impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
+    ) {
+        let mut turns = [[Lanes::<LANES, NODES>::UNUSED; 2]; TURNS];
+        loop {
+            for i in 0..TURNS {
+                for lanes in &mut turns[(i + TURNS / 2) % TURNS] {
+                    self.renew(lanes);
                 }
-                let weighed = tree.weigh_four(weights, receiver, firsts);
-                let mut step = FourSteps::NONE;
-                for k in 0..FOUR {
-                    let chosen = choose_live([weighed[0][k], weighed[1][k]], u[k]);
-                    (step.right[k], step.pmf[k], step.u[k]) = chosen;
+                for lanes in &turns[(i + TURNS - 1) % TURNS] {
+                    self.prefetch(lanes);
                 }
-                steps.push(step);
-                from += count;
-            }
-            let mut kept = 0;
-            for i in 0..active.len() {
-                let (step, k) = (&steps[i / FOUR], i % FOUR);
-                let mut descent = active[i];
-                descent.pmf *= step.pmf[k];
-                // Else both weights are 0, or a product of hundreds of tiny probabilities has underflowed: such a light
-                // cannot be told from none.
-                if descent.pmf > 0.0 {
-                    descent.u = step.u[k];
-                    let child = NodeId(descent.first.0 + step.right[k] as u32);
-                    match tree.node(child).first_child() {
-                        None => {
-                            let light = tree.node(child).light();
-                            drawn[descent.slot] = light.map(|light| Selected {
-                                light,
-                                pmf: descent.pmf,
-                            });
-                        }
-                        Some(first) => {
-                            tree.prefetch_children(child);
-                            descent.first = first;
-                            active[kept] = descent;
-                            kept += 1;
-                        }
-                    }
+                let [a, b] = &mut turns[i];
+                if a.used | b.used != 0 {
+                    // Two at a time: while one waits for a quotient the other goes on.
+                    let weighed = [self.weigh(a, &load), self.weigh(b, &load)];
+                    let [of_a, of_b] = weighed;
+                    a.descend(&of_a);
+                    b.descend(&of_b);
                 }
             }
-            active.truncate(kept);
+            let mut used = 0;
+            for [a, b] in &turns {
+                used |= a.used | b.used;
+            }
+            if used == 0 {
+                return;
+            }
         }
+    }
+
+    /// Where a descent is over another begins.
+    #[inline(always)]
+    fn renew<const LANES: usize, const NODES: usize>(&mut self, lanes: &mut Lanes<LANES, NODES>) {
+        let mut over = 0;
+        for k in 0..LANES {
+            over |= u64::from(lanes.over[k]) << (8 * k);
+        }
+        while over != 0 {
+            let lane = over.trailing_zeros() as usize / 8;
+            over &= over - 1;
+            if lanes.used >> lane & 1 != 0 && lanes.pmf[lane] > 0.0 {
+                self.drawn[lanes.slot[lane]] = light_of(lanes.link[lane]).map(|light| Selected {
+                    light,
+                    pmf: lanes.pmf[lane],
+                });
+            }
+            self.begin(lanes, lane);
+        }
+    }
+
+    /// Asks for what the next step of the lanes reads.
+    #[inline(always)]
+    fn prefetch<const LANES: usize, const NODES: usize>(&self, lanes: &Lanes<LANES, NODES>) {
+        for k in 0..LANES {
+            prefetch_at(&self.tree.pairs, lanes.pair[k] as usize);
+        }
+    }
+
+    /// Weighs what each of the lanes chooses from.
+    #[inline(always)]
+    fn weigh<const LANES: usize, const NODES: usize>(
+        &self,
+        lanes: &Lanes<LANES, NODES>,
+        load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
+    ) -> Weighed<LANES, NODES> {
+        let tree = self.tree;
+        let mut pairs = [&tree.pairs[0]; LANES];
+        for k in 0..LANES {
+            pairs[k] = &tree.pairs[lanes.pair[k] as usize];
+        }
+        let children = load(pairs);
+        let weights = match self.weights {
+            NodeWeights::Yuksel2019 if tree.directional.is_empty() => {
+                let seen = lanes.receivers.see(&children.boxes);
+                tree.weigh_seen(&seen, &children.intensity, &lanes.pair)
+            }
+            _ => self.weigh_each(lanes),
+        };
+        Weighed {
+            weights,
+            links: children.links,
+        }
+    }
+
+    /// Begins the next descent in a lane, or leaves it unused.
+    #[inline(always)]
+    fn begin<const LANES: usize, const NODES: usize>(
+        &mut self,
+        lanes: &mut Lanes<LANES, NODES>,
+        lane: usize,
+    ) {
+        (lanes.pair[lane], lanes.u[lane], lanes.pmf[lane]) = (0, 0.0, 1.0);
+        lanes.used &= !(1 << lane);
+        while let Some(start) = self.starts.get(self.begun) {
+            let slot = self.begun;
+            self.begun += 1;
+            let node = self.tree.node(start.node);
+            if let Some(first) = node.first_child() {
+                let receiver = self.receivers[start.receiver as usize];
+                lanes.receivers.set(lane, receiver);
+                lanes.receivers.set(LANES + lane, receiver);
+                lanes.pair[lane] = first.0 >> 1;
+                lanes.u[lane] = start.u;
+                lanes.slot[lane] = slot;
+                lanes.used |= 1 << lane;
+                prefetch_at(&self.tree.pairs, (first.0 >> 1) as usize);
+                return;
+            }
+            self.drawn[slot] = node.light().map(|light| Selected { light, pmf: 1.0 });
+        }
+    }
+
+    /// The children's weights by other formulas.
+    #[inline(always)]
+    fn weigh_each<const LANES: usize, const NODES: usize>(
+        &self,
+        lanes: &Lanes<LANES, NODES>,
+    ) -> [[f32; LANES]; 2] {
+        let mut weights = [[0.0; LANES]; 2];
+        for k in (0..LANES).filter(|k| lanes.used >> k & 1 != 0) {
+            let receiver = self.receivers[self.starts[lanes.slot[k]].receiver as usize];
+            let first = NodeId(2 * lanes.pair[k]);
+            let [a, b] = self.tree.weigh(self.weights, receiver, first);
+            (weights[0][k], weights[1][k]) = (a, b);
+        }
+        weights
     }
 }
 
-/// Descents that take a step together.
-const FOUR: usize = 4;
-
-/// Where four descents go: what [`choose_live`] says of each.
-#[derive(Debug, Clone, Copy)]
-struct FourSteps {
-    right: [u64; FOUR],
-    pmf: [f64; FOUR],
-    u: [f64; FOUR],
+/// What lanes choose from, as in [`PairLanes`].
+struct Weighed<const LANES: usize, const NODES: usize> {
+    weights: [[f32; LANES]; 2],
+    links: [u32; NODES],
 }
 
-impl FourSteps {
-    const NONE: Self = Self {
-        right: [0; FOUR],
-        pmf: [0.0; FOUR],
-        u: [0.0; FOUR],
+impl<const LANES: usize, const NODES: usize> Lanes<LANES, NODES> {
+    /// All go one level down.
+    #[inline(always)]
+    fn descend(&mut self, weighed: &Weighed<LANES, NODES>) {
+        for k in 0..LANES {
+            // Without a branch, so that the processor works on several steps at once.
+            let weights = [weighed.weights[0][k], weighed.weights[1][k]];
+            let chosen = choose_live(weights, self.u[k]);
+            self.u[k] = chosen.u;
+            self.pmf[k] *= chosen.pmf;
+            let links = [weighed.links[k], weighed.links[LANES + k]];
+            let link = select_unpredictable(chosen.is_right, links[1], links[0]);
+            let is_over = (link & LEAF != 0) | chosen.is_dead;
+            self.link[k] = link;
+            self.over[k] = u8::from(is_over);
+            self.pair[k] = select_unpredictable(is_over, 0, link >> 1);
+        }
+    }
+
+    const UNUSED: Self = Self {
+        receivers: ReceiverLanes::NOWHERE,
+        u: [0.0; LANES],
+        pmf: [1.0; LANES],
+        pair: [0; LANES],
+        link: [0; LANES],
+        over: [1; LANES],
+        slot: [0; LANES],
+        used: 0,
     };
+}
+
+impl LightTree {
+    /// Draws one light of each of many clusters, for one receiver or many, dozens of them descending side by side: vector
+    /// code weighs several at once, and the memory latencies of one hide behind the work for others.
+    ///
+    /// Appends to `drawn` in the order of `starts`: `None` where nothing can light the receiver or, with
+    /// [`DeadBranch::Stop`], where a dead branch was met.
+    pub fn select_each(
+        &self,
+        weights: NodeWeights,
+        dead_branches: DeadBranch,
+        receivers: &[&Receiver],
+        starts: &[Start],
+        drawn: &mut Vec<Option<Selected>>,
+    ) {
+        match dead_branches {
+            DeadBranch::Stop => {
+                let before = drawn.len();
+                drawn.resize(before + starts.len(), None);
+                let mut descending = Descending {
+                    tree: self,
+                    weights,
+                    receivers,
+                    starts,
+                    begun: 0,
+                    drawn: &mut drawn[before..],
+                };
+                descending.run();
+            }
+            DeadBranch::Retry => drawn.extend(starts.iter().map(|start| {
+                let receiver = receivers[start.receiver as usize];
+                self.select_retry(weights, receiver, start.node, start.u)
+            })),
+        }
+    }
 }
 
 enum Step {
@@ -244,25 +376,6 @@ impl LightTree {
     pub(crate) fn prefetch_children(&self, id: NodeId) {
         let children = self.node(id).first_child();
         prefetch(children.map(|first| &self.pairs[(first.0 >> 1) as usize]));
-    }
-
-    /// [`weigh`](Self::weigh) of four nodes' children: of the first, and of the second.
-    #[inline(always)]
-    fn weigh_four(
-        &self,
-        weights: NodeWeights,
-        receiver: &Receiver,
-        firsts: [NodeId; FOUR],
-    ) -> [[f32; FOUR]; 2] {
-        if weights == NodeWeights::Yuksel2019 {
-            return self.weigh_pairs::<FOUR, { 2 * FOUR }>(receiver, firsts);
-        }
-        let mut weighed = [[0.0; FOUR]; 2];
-        for k in 0..FOUR {
-            let [a, b] = self.weigh(weights, receiver, firsts[k]);
-            (weighed[0][k], weighed[1][k]) = (a, b);
-        }
-        weighed
     }
 
     #[inline]
@@ -303,7 +416,7 @@ impl LightTree {
         })
     }
 
-    /// Draws one light below `root` by `u` in [0, 1), as [`Selector::select`] with [`DeadBranch::Stop`] does for many
+    /// Draws one light below `root` by `u` in [0, 1), as [`select_each`](Self::select_each) with [`DeadBranch::Stop`] does for many
     /// clusters; `None` where a dead branch is met.
     pub fn select(
         &self,

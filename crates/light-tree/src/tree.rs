@@ -28,7 +28,13 @@ pub struct Node {
 }
 
 /// Set in `Node::link` of a leaf, whose other bits are the light's id.
-const LEAF: u32 = 1 << 31;
+pub(crate) const LEAF: u32 = 1 << 31;
+
+/// The light of a leaf, by its [`link`](Node::link).
+#[inline(always)]
+pub(crate) fn light_of(link: u32) -> Option<LightId> {
+    (link & LEAF != 0).then_some(LightId(link & !LEAF))
+}
 
 /// More lights than this do not fit the links.
 pub(crate) const MAX_LIGHTS: usize = (LEAF as usize) / 2 - 1;
@@ -59,10 +65,16 @@ impl Node {
         }
     }
 
+    /// The first of the two children, or a light: see [`light_of`].
+    #[inline]
+    pub(crate) fn link(&self) -> u32 {
+        self.link
+    }
+
     /// The light of a leaf; `None` for an inner node.
     #[inline]
     pub fn light(&self) -> Option<LightId> {
-        (self.link & LEAF != 0).then_some(LightId(self.link & !LEAF))
+        light_of(self.link)
     }
 
     /// The first of the two children, which are neighbours; `None` for a leaf.

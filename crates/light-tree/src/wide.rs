@@ -12,7 +12,8 @@ use crate::light::LightId;
 use crate::packed::PackedBlock;
 use crate::region::Region;
 
-/// The first call where the processor has AVX2, for which it is compiled, else the second: the same code, and so the same bits.
+/// The first call where the processor has AVX2, for which it is compiled, else the last: the same code, and so the same bits.
+/// Of three, the first is for AVX-512.
 macro_rules! by_width {
     ($avx2:expr, $plain:expr) => {{
         #[cfg(target_arch = "x86_64")]
@@ -25,6 +26,22 @@ macro_rules! by_width {
             return unsafe { $avx2 };
         }
         $plain
+    }};
+    ($avx512:expr, $avx2:expr, $plain:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512vl")
+            && std::arch::is_x86_feature_detected!("avx512dq")
+            && std::arch::is_x86_feature_detected!("avx512bw")
+        {
+            #[allow(
+                unsafe_code,
+                reason = "the only way to call code for a processor found at run time"
+            )]
+            // SAFETY: the processor has what was just asked for.
+            return unsafe { $avx512 };
+        }
+        by_width!($avx2, $plain)
     }};
 }
 pub(crate) use by_width;

@@ -1,6 +1,7 @@
 //! Eq. (3) of Yuksel 2019, for one pair of siblings or several at once.
 
-use crate::bounds::{Boxes, Receiver};
+use crate::bounds::{Receiver, ReceiverLanes, SeenLanes, lesser};
+use crate::pair_lanes::PairLanes;
 use crate::tree::{LightTree, NodeId};
 use crate::weight::{PairWeights, sound};
 
@@ -8,79 +9,55 @@ impl LightTree {
     /// Weighs the children `first` and `first + 1` for the receiver.
     #[inline]
     pub(crate) fn weigh_yuksel2019(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
-        let [[a], [b]] = self.weigh_pairs::<1, 2>(receiver, [first]);
+        let pair = &self.pairs[(first.0 >> 1) as usize];
+        let lanes = PairLanes::<1, 2>::of([pair]);
+        let seen = ReceiverLanes::splat(receiver).see(&lanes.boxes);
+        if !self.directional.is_empty() {
+            let lit = [0, 1].map(|k| seen.cos[k] * lanes.intensity[k]);
+            return self.with_parallel(receiver, first, lit, seen.least2, seen.diagonal2);
+        }
+        let [[a], [b]] = self.weigh_seen(&seen, &lanes.intensity, &[first.0 >> 1]);
         [a, b]
     }
 
-    /// Weights of the first child and of the second of `PAIRS` nodes, whose children are `firsts` and those behind them; `NODES` is
-    /// twice as much.
+    /// Weights of the first and of the second of `PAIRS` pairs of siblings, whose places are `pairs`, where no light is without
+    /// falloff. What is seen of them lies as in [`PairLanes`].
     ///
     /// The same operations in the same order for any number of pairs, and so the same bits.
     #[inline(always)]
-    pub(crate) fn weigh_pairs<const PAIRS: usize, const NODES: usize>(
+    pub(crate) fn weigh_seen<const PAIRS: usize, const NODES: usize>(
         &self,
-        receiver: &Receiver,
-        firsts: [NodeId; PAIRS],
+        seen: &SeenLanes<NODES>,
+        intensity: &[f32; NODES],
+        pairs: &[u32; PAIRS],
     ) -> [[f32; PAIRS]; 2] {
-        const { assert!(NODES == 2 * PAIRS, "two nodes a pair") };
-        let mut boxes = Boxes {
-            lo: [[0.0f32; NODES]; 3],
-            hi: [[0.0f32; NODES]; 3],
-        };
-        let mut intensity = [0.0f32; NODES];
-        for k in 0..PAIRS {
-            let pair = self.pair(firsts[k]);
-            for c in 0..2 {
-                for axis in 0..3 {
-                    boxes.lo[axis][c * PAIRS + k] = pair[c].lo[axis];
-                    boxes.hi[axis][c * PAIRS + k] = pair[c].hi[axis];
-                }
-                intensity[c * PAIRS + k] = pair[c].intensity;
-            }
-        }
-        let seen = receiver.relative_boxes(&boxes);
-        let mut lit = receiver.cos_bounds_over(&seen);
+        let mut lit = [0.0f32; NODES];
+        let mut is_near = [false; NODES];
         for k in 0..NODES {
-            lit[k] *= intensity[k];
+            lit[k] = seen.cos[k] * intensity[k];
+            // A light alone in its box, at the receiver, is near as well.
+            is_near[k] = seen.least2[k] <= seen.diagonal2[k];
         }
-        let (nearest2, diagonal2) = (seen.least2(), seen.diagonal2());
-        let mut weights = [[0.0f32; PAIRS]; 2];
-        if !self.directional.is_empty() {
-            for k in 0..PAIRS {
-                let of = |lanes: &[f32; NODES]| [lanes[k], lanes[PAIRS + k]];
-                let [a, b] = self.with_parallel(
-                    receiver,
-                    firsts[k],
-                    of(&lit),
-                    of(&nearest2),
-                    of(&diagonal2),
-                );
-                (weights[0][k], weights[1][k]) = (a, b);
-            }
-            return weights;
-        }
-        let mut least2 = nearest2;
-        let mut is_sound = true;
         let mut is_close = false;
-        for nearest2 in &nearest2 {
-            is_close |= *nearest2 < self.greatest_dist2;
+        for k in 0..PAIRS {
+            let least2 = lesser(seen.least2[k], seen.least2[PAIRS + k]);
+            is_close |= (least2 < self.greatest_dist2) & !(is_near[k] | is_near[PAIRS + k]);
         }
+        let mut least2 = seen.least2;
         if is_close {
-            for (k, first) in firsts.iter().enumerate() {
-                for c in 0..2 {
-                    let floor2 = self.least_dist2(NodeId(first.0 + c as u32));
-                    let lane = c * PAIRS + k;
-                    least2[lane] = least2[lane].max(floor2);
-                }
-            }
+            least2 = self.floored(least2, pairs);
         }
+        let mut weights = [[0.0f32; PAIRS]; 2];
+        let mut is_sound = true;
         for k in 0..PAIRS {
             let other = PAIRS + k;
-            // A light alone in its box, at the receiver, is near as well.
-            let near = (nearest2[k] <= diagonal2[k]) | (nearest2[other] <= diagonal2[other]);
             // Only the ratio of the distances matters. Not near means not 0.
             let ratio = least2[k] / least2[other];
-            let ratio = if near { 1.0 } else { ratio };
+            let ratio = if is_near[k] | is_near[other] {
+                1.0
+            } else {
+                ratio
+            };
             weights[0][k] = lit[k];
             weights[1][k] = lit[other] * ratio;
             let sum = weights[0][k] + weights[1][k];
@@ -89,13 +66,25 @@ impl LightTree {
             is_sound &= (sum < f32::INFINITY) & ((sum > 0.0) | is_dark);
         }
         if !is_sound {
-            for k in 0..PAIRS {
-                let lit = [lit[k], lit[PAIRS + k]];
-                let [a, b] = sound([weights[0][k], weights[1][k]], lit);
-                (weights[0][k], weights[1][k]) = (a, b);
-            }
+            weights = all_sound(weights, lit);
         }
         weights
+    }
+
+    /// Squared distances, where they are less than what tells the lights of a node apart, that.
+    #[inline(never)]
+    fn floored<const PAIRS: usize, const NODES: usize>(
+        &self,
+        mut all: [f32; NODES],
+        pairs: &[u32; PAIRS],
+    ) -> [f32; NODES] {
+        for (lane, least2) in all.iter_mut().enumerate() {
+            if *least2 < self.greatest_dist2 {
+                let node = NodeId(2 * pairs[lane % PAIRS] + (lane / PAIRS) as u32);
+                *least2 = least2.max(self.least_dist2(node));
+            }
+        }
+        all
     }
 
     /// The weights of a pair where there are lights without falloff.
@@ -121,4 +110,17 @@ impl LightTree {
         };
         self.weigh_with_parallel(receiver, first, lit, dist2)
     }
+}
+
+/// [`sound`] of each pair.
+#[cold]
+fn all_sound<const PAIRS: usize, const NODES: usize>(
+    mut weights: [[f32; PAIRS]; 2],
+    lit: [f32; NODES],
+) -> [[f32; PAIRS]; 2] {
+    for k in 0..PAIRS {
+        let [a, b] = sound([weights[0][k], weights[1][k]], [lit[k], lit[PAIRS + k]]);
+        (weights[0][k], weights[1][k]) = (a, b);
+    }
+    weights
 }

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::iter::repeat;
 
 use criterion::Criterion;
-use light_tree::{Cut, DeadBranch, Draws, NodeWeights, Receiver, Selector, SharedCut};
+use light_tree::{Cuts, DeadBranch, Draws, NodeWeights, Receiver, SharedCut, Start};
 use manylight_gather::GatherPoint;
 use sampling::{Purpose, Rng};
 
@@ -12,6 +12,8 @@ use crate::view::{POINTS_PER_PILOT, View};
 
 /// Lights of a point.
 pub(crate) const SAMPLES: usize = 10;
+/// Points whose own cuts are refined, and lights drawn, side by side.
+const TOGETHER: usize = 512;
 /// Clusters of a shared cut.
 const CLUSTERS: usize = 128;
 
@@ -26,14 +28,23 @@ fn own_cut(c: &mut Criterion, view: &View) {
         group.bench_function(format!("cut and select, {weights:?}"), |b| {
             let tree = view.inputs().tree().expect("has lights");
             let tiles = view.tiles(None);
-            let mut points = tiles.iter().flatten().cycle();
+            let receivers: Vec<&Receiver> = tiles.iter().flatten().map(|x| &x.receiver).collect();
+            let mut chunks = receivers.chunks(TOGETHER).cycle();
             let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
-            let (mut cut, mut selector) = (Cut::default(), Selector::default());
+            let (mut cuts, mut starts, mut drawn) = (Cuts::default(), Vec::new(), Vec::new());
             b.iter(|| {
-                let x = &points.next().expect("sees something").receiver;
-                cut.refine(tree, weights, x, SAMPLES);
-                let (stop, nodes) = (DeadBranch::Stop, cut.nodes());
-                let drawn = selector.select(tree, weights, stop, x, nodes, || rng.f64());
+                let some = chunks.next().expect("sees something");
+                cuts.refine(tree, weights, some, SAMPLES);
+                starts.clear();
+                for i in 0..some.len() {
+                    starts.extend(cuts.of(i).iter().map(|&node| Start {
+                        receiver: i as u32,
+                        node,
+                        u: rng.f64(),
+                    }));
+                }
+                drawn.clear();
+                tree.select_each(weights, DeadBranch::Stop, some, &starts, &mut drawn);
                 black_box(drawn.len())
             });
         });

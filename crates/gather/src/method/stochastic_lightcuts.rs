@@ -3,8 +3,10 @@
 //! Source: Yuksel, "Stochastic Lightcuts", High-Performance Graphics 2019, and its supplement. Kept as
 //! published: other methods are measured against it.
 
-use light_tree::{Cut, DeadBranch, LightSet, LightTree, NodeWeights, Selector};
-use sampling::Rng;
+use light_tree::{
+    Cut, Cuts, DeadBranch, LightSet, LightTree, NodeWeights, Receiver, Selected, Start,
+};
+use sampling::{Purpose, Rng};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
@@ -147,9 +149,96 @@ impl StochasticLightcutsSpec {
 #[derive(Debug, Default)]
 pub struct StochasticLightcutsScratch {
     cut: Cut,
-    selector: Selector,
+    cuts: Cuts,
+    starts: Vec<Start>,
+    drawn: Drawn,
     sampled: SampledCut,
     shared: SharedCuts,
+}
+
+/// The lights drawn for several points, in the order in which those are handed over.
+#[derive(Debug, Default)]
+struct Drawn {
+    lights: Vec<Option<Selected>>,
+    /// Where those of each point end.
+    ends: Vec<usize>,
+    /// Points that have been handed over, and their lights.
+    points_taken: usize,
+    lights_taken: usize,
+}
+
+impl Drawn {
+    fn clear(&mut self) {
+        self.lights.clear();
+        self.ends.clear();
+        (self.points_taken, self.lights_taken) = (0, 0);
+    }
+
+    fn is_used_up(&self) -> bool {
+        self.points_taken == self.ends.len()
+    }
+
+    /// The lights of the next point.
+    fn next(&mut self) -> &[Option<Selected>] {
+        let (start, end) = (self.lights_taken, self.ends[self.points_taken]);
+        self.points_taken += 1;
+        self.lights_taken = end;
+        &self.lights[start..end]
+    }
+}
+
+/// Points whose lights are drawn together: so many that hardly any lane is ever idle, so few that all stays in the cache.
+const TOGETHER: usize = 512;
+
+impl StochasticLightcuts<'_> {
+    /// Draws lights for `points`, with random numbers `u` of each.
+    fn draw<E: LightEval>(
+        &self,
+        points: &[GatherPoint],
+        mut u: impl FnMut(&GatherPoint) -> f64,
+        eval: &mut E,
+        scratch: &mut StochasticLightcutsScratch,
+    ) {
+        let Some(tree) = self.tree else { return };
+        let weights = self.spec.weights.node_weights();
+        let size = self.spec.cut.get() as usize;
+        let is_shared = self.spec.share != BlockEdge::default();
+        let StochasticLightcutsScratch {
+            cuts,
+            starts,
+            drawn,
+            shared,
+            ..
+        } = scratch;
+        drawn.clear();
+        for points in points.chunks(TOGETHER) {
+            let receivers: Vec<&Receiver> = points.iter().map(|x| &x.receiver).collect();
+            if !is_shared {
+                cuts.refine(tree, weights, &receivers, size);
+            }
+            starts.clear();
+            for (i, x) in points.iter().enumerate() {
+                let nodes = match (is_shared, shared.next()) {
+                    (false, _) => cuts.of(i),
+                    (true, Some(nodes)) => nodes,
+                    (true, None) => {
+                        cuts.refine(tree, weights, &receivers[i..=i], size);
+                        cuts.of(0)
+                    }
+                };
+                starts.extend(nodes.iter().map(|&node| Start {
+                    receiver: i as u32,
+                    node,
+                    u: u(x),
+                }));
+                drawn.ends.push(drawn.lights.len() + starts.len());
+            }
+            eval.mark(Phase::Cut);
+            let dead_branch = self.spec.dead_branch();
+            tree.select_each(weights, dead_branch, &receivers, starts, &mut drawn.lights);
+            eval.mark(Phase::Select);
+        }
+    }
 }
 
 impl<'a> Method<'a> for StochasticLightcuts<'a> {
@@ -171,18 +260,33 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
     fn begin_tile<E: LightEval>(
         &self,
         tile: &TilePoints<'_>,
-        _eval: &mut E,
+        eval: &mut E,
         _learned: &mut Learned,
         scratch: &mut StochasticLightcutsScratch,
     ) {
+        let Some(tree) = self.tree else { return };
+        if self.spec.stopping != Stopping::Bounds {
+            return;
+        }
         let edge = self.spec.share.get();
-        if let Some(tree) = self.tree.filter(|_| edge > 1) {
+        if edge > 1 {
             let weights = self.spec.weights.node_weights();
             let size = self.spec.cut.get() as usize;
             scratch
                 .shared
                 .refine(tile, edge, size, tree, weights, &mut scratch.cut);
         }
+        // One stream for all vertices of an eye path.
+        let mut stream = None;
+        let u = |x: &GatherPoint| {
+            let of_slot = stream.take().filter(|(slot, _)| *slot == x.slot);
+            let mut own =
+                of_slot.unwrap_or_else(|| (x.slot, (tile.stream)(x.slot, Purpose::Lights)));
+            let u = own.1.f64();
+            stream = Some(own);
+            u
+        };
+        self.draw(tile.points, u, eval, scratch);
     }
 
     fn point<E: LightEval>(
@@ -190,40 +294,26 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         x: &GatherPoint,
         eval: &mut E,
         rng: &mut Rng,
-        StochasticLightcutsScratch {
-            cut,
-            selector,
-            sampled,
-            shared,
-        }: &mut StochasticLightcutsScratch,
+        scratch: &mut StochasticLightcutsScratch,
     ) {
         let Some(tree) = self.tree else { return };
-        let weights = self.spec.weights.node_weights();
-        let size = self.spec.cut.get() as usize;
         if let Stopping::RunningTotal(RunningTotalSpec { error }) = self.spec.stopping {
+            let weights = self.spec.weights.node_weights();
+            let size = self.spec.cut.get() as usize;
             let mut running = RunningTotal::new(tree, self.lights, weights, x, eval, rng);
-            running.refine(sampled, size, error.get());
-            eval.add_radiance(x, sampled.sum(|cluster| cluster.sample.is_source));
+            running.refine(&mut scratch.sampled, size, error.get());
+            let total = scratch.sampled.sum(|cluster| cluster.sample.is_source);
+            eval.add_radiance(x, total);
             return;
         }
-        let dead_branch = self.spec.dead_branch();
-        let u = || rng.f64();
-        let drawn = match shared.next() {
-            Some(nodes) => {
-                let nodes = nodes.iter().copied();
-                selector.select(tree, weights, dead_branch, &x.receiver, nodes, u)
-            }
-            None => {
-                cut.refine(tree, weights, &x.receiver, size);
-                eval.mark(Phase::Cut);
-                selector.select(tree, weights, dead_branch, &x.receiver, cut.nodes(), u)
-            }
-        };
-        eval.mark(Phase::Select);
-        for selected in drawn.iter().flatten() {
+        if scratch.drawn.is_used_up() {
+            self.draw(std::slice::from_ref(x), |_| rng.f64(), eval, scratch);
+        }
+        let lights = scratch.drawn.next();
+        for selected in lights.iter().flatten() {
             eval.expect(selected.light);
         }
-        for selected in drawn {
+        for selected in lights {
             match selected {
                 Some(s) => eval.add(x, s.light, 1.0 / s.pmf),
                 None => eval.count_dead(),

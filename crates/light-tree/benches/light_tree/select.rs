@@ -3,13 +3,17 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
-use manylight_light_tree::{Cut, DeadBranch, LightTree, NodeId, NodeWeights, Receiver, Selector};
+use manylight_light_tree::{
+    Cut, Cuts, DeadBranch, LightTree, NodeId, NodeWeights, Receiver, Start,
+};
 use sampling::{Purpose, Rng};
 
 use crate::hall::{Hall, glossy_receivers, receivers};
 
 /// Clusters of a cut, and lights drawn.
 const CUT: usize = 10;
+/// Points whose cuts are refined, and lights drawn, side by side.
+const TOGETHER: usize = 500;
 
 pub(crate) fn bench(c: &mut Criterion, hall: &Hall) {
     weights(c, hall);
@@ -70,14 +74,23 @@ fn cut(c: &mut Criterion, hall: &Hall) {
         group.bench_function(BenchmarkId::new(name, hall.count), |b| {
             let tree = hall.tree();
             let receivers = receivers();
-            let mut receivers = receivers.iter().cycle();
+            let receivers: Vec<&Receiver> = receivers.iter().collect();
+            let mut chunks = receivers.chunks_exact(TOGETHER).cycle();
             let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
-            let (mut cut, mut selector) = (Cut::default(), Selector::default());
+            let (mut cuts, mut starts, mut drawn) = (Cuts::default(), Vec::new(), Vec::new());
             b.iter(|| {
-                let x = receivers.next().expect("the list begins again");
-                cut.refine(tree, weights, x, CUT);
-                let (stop, nodes) = (DeadBranch::Stop, cut.nodes());
-                let drawn = selector.select(tree, weights, stop, x, nodes, || rng.f64());
+                let some = chunks.next().expect("the list begins again");
+                cuts.refine(tree, weights, some, CUT);
+                starts.clear();
+                for i in 0..TOGETHER {
+                    starts.extend(cuts.of(i).iter().map(|&node| Start {
+                        receiver: i as u32,
+                        node,
+                        u: rng.f64(),
+                    }));
+                }
+                drawn.clear();
+                tree.select_each(weights, DeadBranch::Stop, some, &starts, &mut drawn);
                 black_box(drawn.len())
             });
         });

@@ -60,18 +60,23 @@ fn lights_are_drawn_as_often_as_reported() {
             expected[lights.len()] = dead;
             let mut observed = vec![0u64; lights.len() + 1];
             let mut rng = sampling::Rng::new(1, 0, 0, sampling::Purpose::Lights);
-            let mut selector = Selector::default();
-            for _ in 0..40_000 {
-                let node = std::iter::once(tree.root());
-                let drawn = selector.select(
-                    &tree,
-                    weights,
-                    DeadBranch::Stop,
-                    &receiver(at),
-                    node,
-                    || rng.f64(),
-                );
-                match drawn[0] {
+            let starts: Vec<_> = (0..40_000)
+                .map(|_| Start {
+                    receiver: 0,
+                    node: tree.root(),
+                    u: rng.f64(),
+                })
+                .collect();
+            let mut drawn = Vec::new();
+            tree.select_each(
+                weights,
+                DeadBranch::Stop,
+                &[&receiver(at)],
+                &starts,
+                &mut drawn,
+            );
+            for drawn in drawn {
+                match drawn {
                     Some(s) => {
                         let pmf = expected[s.light.index()];
                         assert!(
@@ -95,42 +100,63 @@ fn lights_are_drawn_as_often_as_reported() {
 fn many_descents_at_once_draw_what_each_draws_alone() {
     verify::property(1000, |u| {
         let lights = any_lights(u)?;
-        let at = receiver(any_receiver(u, &lights)?);
         let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
             return Ok(());
         };
+        let receivers = [
+            receiver(any_receiver(u, &lights)?),
+            receiver(any_receiver(u, &lights)?),
+            receiver(any_receiver(u, &lights)?),
+        ];
+        let receivers = receivers.each_ref();
         let all: Vec<NodeId> = tree.nodes_below(tree.root()).collect();
-        let count = u.int_in_range(1..=11)?;
-        let mut nodes = Vec::new();
-        let mut numbers = Vec::new();
-        for _ in 0..count {
-            nodes.push(*u.choose(&all)?);
-            numbers.push(f64::from(u.arbitrary::<u32>()?) / 4_294_967_296.0);
+        let mut starts = Vec::new();
+        // Up to more than there are lanes.
+        let most = *u.choose(&[11, 150])?;
+        for _ in 0..u.int_in_range(1..=most)? {
+            starts.push(Start {
+                receiver: u.int_in_range(0..=2)?,
+                node: *u.choose(&all)?,
+                u: f64::from(u.arbitrary::<u32>()?) / 4_294_967_296.0,
+            });
         }
         for weights in NodeWeights::ALL {
-            let alone: Vec<_> = nodes
+            let alone: Vec<_> = starts
                 .iter()
-                .zip(&numbers)
-                .map(|(&node, &number)| tree.select(weights, &at, node, number))
+                .map(|start| {
+                    let receiver = receivers[start.receiver as usize];
+                    tree.select(weights, receiver, start.node, start.u)
+                })
                 .collect();
-            let mut selector = Selector::default();
-            let mut rest = numbers.iter().copied();
-            let drawn = selector.select(
-                &tree,
-                weights,
-                DeadBranch::Stop,
-                &at,
-                nodes.iter().copied(),
-                || rest.next().expect("a number a node"),
+            // Behind what was drawn before.
+            let mut drawn = vec![None];
+            tree.select_each(weights, DeadBranch::Stop, &receivers, &starts, &mut drawn);
+            assert_eq!(drawn[1..], alone, "{weights:?}");
+            // The same by narrower instructions.
+            let run = |run: fn(&mut Descending<'_>)| {
+                let mut drawn = vec![None; starts.len()];
+                run(&mut Descending {
+                    tree: &tree,
+                    weights,
+                    receivers: &receivers,
+                    starts: &starts,
+                    begun: 0,
+                    drawn: &mut drawn,
+                });
+                drawn
+            };
+            assert_eq!(
+                run(|descending| descending.run_plain()),
+                alone,
+                "{weights:?}, plain"
             );
-            assert_eq!(drawn, alone, "{weights:?}");
-            // The same by narrow instructions.
-            selector.drawn = vec![None; nodes.len()];
-            for (slot, (&node, &u)) in nodes.iter().zip(&numbers).enumerate() {
-                selector.begin(&tree, node, u, slot);
+            #[cfg(target_arch = "x86_64")]
+            if std::arch::is_x86_feature_detected!("avx2") {
+                #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
+                // SAFETY: this one has.
+                let drawn = run(|descending| unsafe { descending.run_avx2() });
+                assert_eq!(drawn, alone, "{weights:?}, AVX2");
             }
-            selector.descend_all_with(&tree, weights, &at);
-            assert_eq!(selector.drawn, alone, "{weights:?}, narrow");
         }
         Ok(())
     });
@@ -158,21 +184,18 @@ fn retry_brightens_by_the_dead_mass_and_stop_does_not() {
         assert!(dead > 0.05, "the case has a dead branch: {dead}");
         let mean = |dead_branches| {
             let n = 100_000;
-            let mut u = (0..n).map(|i| (f64::from(i) + 0.5) / f64::from(n));
-            let mut selector = Selector::default();
-            let mut sum = 0.0;
-            for _ in 0..n {
-                let node = std::iter::once(tree.root());
-                let next = || u.next().expect("as many numbers as draws");
-                let drawn = selector.select(&tree, weights, dead_branches, &x, node, next);
-                sum += drawn[0].map_or(0.0, |s| {
-                    if s.light == LightId(2) {
-                        1.0 / s.pmf
-                    } else {
-                        0.0
-                    }
-                });
-            }
+            let starts: Vec<_> = (0..n)
+                .map(|i| Start {
+                    receiver: 0,
+                    node: tree.root(),
+                    u: (f64::from(i) + 0.5) / f64::from(n),
+                })
+                .collect();
+            let mut drawn = Vec::new();
+            tree.select_each(weights, dead_branches, &[&x], &starts, &mut drawn);
+            let above = |s: &Selected| s.light == LightId(2);
+            let found = drawn.into_iter().flatten().filter(above);
+            let sum: f64 = found.map(|s| 1.0 / s.pmf).sum();
             sum / f64::from(n)
         };
         // The light above is worth 1: reached directly, and once more after each dead end.

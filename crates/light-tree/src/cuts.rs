@@ -1,0 +1,320 @@
+//! Cuts of many receivers, several refined side by side.
+
+use std::hint::select_unpredictable;
+
+use crate::bounds::{Receiver, ReceiverLanes};
+use crate::cut::Cut;
+use crate::pair_lanes::PairLanes;
+use crate::prefetch::prefetch;
+use crate::tree::{LEAF, LightTree, NodeId, Pair};
+use crate::weight::NodeWeights;
+use crate::wide::by_width;
+
+/// The [`Cut`] of each of many receivers; memory is kept from call to call.
+#[derive(Debug, Clone, Default)]
+pub struct Cuts {
+    /// Clusters, cut by cut, and behind them what earlier calls have left.
+    nodes: Vec<NodeId>,
+    /// Where each cut ends among them.
+    ends: Vec<usize>,
+    /// Of a receiver by itself.
+    own: Cut,
+}
+
+impl Cuts {
+    /// What [`Cut::refine`] does for each of the receivers.
+    pub fn refine(
+        &mut self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receivers: &[&Receiver],
+        size: usize,
+    ) {
+        assert!(size >= 1, "a cut has at least one cluster");
+        self.ends.clear();
+        let by_cosine = match weights {
+            NodeWeights::Yuksel2019 | NodeWeights::MinMaxWithoutCones => true,
+            NodeWeights::MinMax | NodeWeights::MinMaxGlossy | NodeWeights::ContyKulla2018 => false,
+        };
+        if by_cosine && tree.directional.is_empty() {
+            return self.refine_all(tree, receivers, size);
+        }
+        self.nodes.clear();
+        for receiver in receivers {
+            self.own.refine(tree, weights, receiver, size);
+            self.nodes.extend(self.own.nodes());
+            self.ends.push(self.nodes.len());
+        }
+    }
+
+    /// The clusters of the cut of the `i`-th receiver.
+    pub fn of(&self, i: usize) -> &[NodeId] {
+        let start = match i {
+            0 => 0,
+            _ => self.ends[i - 1],
+        };
+        &self.nodes[start..self.ends[i]]
+    }
+
+    fn refine_all(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+        by_width!(
+            self.refine_avx512(tree, receivers, size),
+            self.refine_avx2(tree, receivers, size),
+            self.refine_plain(tree, receivers, size)
+        )
+    }
+
+    /// The same code and the same bits, sixteen nodes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn refine_avx512(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+        let load = |pairs: [&Pair; 8]| PairLanes::of_avx512(pairs);
+        self.refine_with::<8, 16>(tree, receivers, size, load);
+    }
+
+    /// The same code and the same bits, eight nodes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn refine_avx2(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+        let load = |pairs: [&Pair; 4]| PairLanes::of_avx2(pairs);
+        self.refine_with::<4, 8>(tree, receivers, size, load);
+    }
+
+    fn refine_plain(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+        self.refine_with::<4, 8>(tree, receivers, size, PairLanes::of);
+    }
+
+    #[inline(always)]
+    fn refine_with<const LANES: usize, const NODES: usize>(
+        &mut self,
+        tree: &LightTree,
+        receivers: &[&Receiver],
+        size: usize,
+        load: impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
+    ) {
+        let mut groups = vec![Group::<LANES, NODES>::default(); GROUPS];
+        let mut kept = 0;
+        for (begun, some) in receivers.chunks(GROUPS * LANES).enumerate() {
+            for (group, own) in groups.iter_mut().zip(some.chunks(LANES)) {
+                group.begin(own);
+            }
+            for next in receivers
+                .iter()
+                .skip((begun + 1) * GROUPS * LANES)
+                .take(GROUPS * LANES)
+            {
+                prefetch(Some(*next));
+            }
+            let in_use = some.len().div_ceil(LANES);
+            let mut is_done = false;
+            while !is_done {
+                is_done = true;
+                for group in &mut groups[..in_use] {
+                    group.step(tree, size as u32, &load);
+                    is_done &= group.goes_on == [false; LANES];
+                }
+            }
+            for (i, _) in some.iter().enumerate() {
+                kept = groups[i / LANES].copy_nodes(i % LANES, &mut self.nodes, kept);
+                self.ends.push(kept);
+            }
+        }
+    }
+}
+
+/// Groups of cuts that take their steps in turn: each is one long chain of operations, of which the processor follows several at
+/// once.
+const GROUPS: usize = 4;
+
+/// Cuts that are refined together. `NODES` is twice `LANES`.
+#[derive(Debug, Clone)]
+struct Group<const LANES: usize, const NODES: usize> {
+    receivers: ReceiverLanes<NODES>,
+    /// What has been in the cuts so far.
+    entries: Vec<Entries<LANES>>,
+    /// Clusters of each cut.
+    counts: [u32; LANES],
+    /// What is split next: its place among the entries, and that of its children among pairs. The root's is its own: it has no
+    /// sibling.
+    split: [u32; LANES],
+    pair: [u32; LANES],
+    /// Whether anything is.
+    goes_on: [bool; LANES],
+}
+
+/// One cluster of each of several cuts.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
+struct Entries<const LANES: usize> {
+    /// As in a [`Cut`], but for a leaf [`LEAF_BOUND`], and 0 for what is not in the cut, or not any more.
+    bound: [f32; LANES],
+    node: [u32; LANES],
+    /// The place of its children among pairs.
+    pair: [u32; LANES],
+}
+
+/// The place of no entry.
+const NO_ENTRY: u32 = u32::MAX;
+/// Less than any bound: a leaf cannot be split.
+const LEAF_BOUND: f32 = -1.0;
+
+impl<const LANES: usize, const NODES: usize> Default for Group<LANES, NODES> {
+    fn default() -> Self {
+        Self {
+            receivers: ReceiverLanes::NOWHERE,
+            entries: Vec::new(),
+            counts: [0; LANES],
+            split: [0; LANES],
+            pair: [0; LANES],
+            goes_on: [false; LANES],
+        }
+    }
+}
+
+impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
+    /// Begins the cuts of up to `LANES` receivers.
+    #[inline(always)]
+    fn begin(&mut self, receivers: &[&Receiver]) {
+        for (lane, receiver) in receivers.iter().enumerate() {
+            self.receivers.set(lane, receiver);
+            self.receivers.set(LANES + lane, receiver);
+        }
+        self.entries.clear();
+        self.counts = [0; LANES];
+        self.split = [NO_ENTRY; LANES];
+        self.pair = [0; LANES];
+        self.goes_on = [false; LANES];
+        self.goes_on[..receivers.len()].fill(true);
+    }
+
+    /// Puts the clusters of a cut behind `kept` others; returns how many are kept then.
+    fn copy_nodes(&self, lane: usize, nodes: &mut Vec<NodeId>, mut kept: usize) -> usize {
+        let most = kept + self.entries.len();
+        if nodes.len() < most {
+            nodes.resize(2 * most, NodeId(0));
+        }
+        for entries in &self.entries {
+            // Without a branch: which are split cannot be foreseen.
+            nodes[kept] = NodeId(entries.node[lane]);
+            kept += usize::from(entries.bound[lane] != 0.0);
+        }
+        kept
+    }
+
+    /// Splits a cluster of each cut that is not complete, and finds the next.
+    #[inline(always)]
+    fn step(
+        &mut self,
+        tree: &LightTree,
+        size: u32,
+        load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
+    ) {
+        let mut pairs = [&tree.pairs[0]; LANES];
+        for k in 0..LANES {
+            pairs[k] = &tree.pairs[self.pair[k] as usize];
+        }
+        let children = load(pairs);
+        let seen = self.receivers.see(&children.boxes);
+        let bounds = tree.contribution_bounds(&seen, &children.intensity, &self.pair);
+        let mut worst = [0.0; LANES];
+        let mut place = [0; LANES];
+        let mut links = [0; LANES];
+        let split = self.split;
+        for (i, entries) in self.entries.iter_mut().enumerate() {
+            let i = i as u32;
+            for k in 0..LANES {
+                let bound = select_unpredictable(split[k] == i, 0.0, entries.bound[k]);
+                entries.bound[k] = bound;
+                let is_worse = bound > worst[k];
+                worst[k] = select_unpredictable(is_worse, bound, worst[k]);
+                place[k] = select_unpredictable(is_worse, i, place[k]);
+                links[k] = select_unpredictable(is_worse, entries.pair[k], links[k]);
+            }
+        }
+        for c in 0..2 {
+            let i = self.entries.len() as u32;
+            let mut entries = Entries {
+                bound: [0.0; LANES],
+                node: [0; LANES],
+                pair: [0; LANES],
+            };
+            for k in 0..LANES {
+                let (bound, link) = (bounds[c * LANES + k], children.links[c * LANES + k]);
+                let is_lit = self.goes_on[k] & (bound > 0.0);
+                let bound = select_unpredictable(link & LEAF != 0, LEAF_BOUND, bound);
+                let bound = select_unpredictable(is_lit, bound, 0.0);
+                self.counts[k] += u32::from(is_lit);
+                entries.bound[k] = bound;
+                entries.node[k] = 2 * self.pair[k] + c as u32;
+                entries.pair[k] = link >> 1;
+                let is_worse = bound > worst[k];
+                worst[k] = select_unpredictable(is_worse, bound, worst[k]);
+                place[k] = select_unpredictable(is_worse, i, place[k]);
+                links[k] = select_unpredictable(is_worse, link >> 1, links[k]);
+            }
+            self.entries.push(entries);
+        }
+        for k in 0..LANES {
+            let goes_on = self.goes_on[k] & (worst[k] > 0.0) & (self.counts[k] < size);
+            self.goes_on[k] = goes_on;
+            self.counts[k] -= u32::from(goes_on);
+            self.split[k] = select_unpredictable(goes_on, place[k], NO_ENTRY);
+            self.pair[k] = select_unpredictable(goes_on, links[k], 0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::test_lights::{any_lights, any_receiver, receiver};
+
+    #[test]
+    fn cuts_side_by_side_are_those_of_each_receiver_alone() {
+        verify::property(1000, |u| {
+            let lights = any_lights(u)?;
+            let Some(tree) = LightTree::build(&lights, TreeBuilder::Binned) else {
+                return Ok(());
+            };
+            // Up to more than there are lanes.
+            let mut receivers = Vec::new();
+            let most = *u.choose(&[9, 40])?;
+            for _ in 0..u.int_in_range(1..=most)? {
+                receivers.push(receiver(any_receiver(u, &lights)?));
+            }
+            let receivers: Vec<&Receiver> = receivers.iter().collect();
+            let size = u.int_in_range(1..=40)?;
+            let mut cuts = Cuts::default();
+            let mut own = Cut::default();
+            let mut check = |weights, cuts: &Cuts| {
+                for (i, receiver) in receivers.iter().enumerate() {
+                    own.refine(&tree, weights, receiver, size);
+                    let alone: Vec<_> = own.nodes().collect();
+                    assert_eq!(cuts.of(i), alone, "{weights:?}, receiver {i}");
+                }
+            };
+            for weights in NodeWeights::ALL {
+                cuts.refine(&tree, weights, &receivers, size);
+                check(weights, &cuts);
+            }
+            if tree.directional.is_empty() {
+                // The same by narrower instructions.
+                cuts.ends.clear();
+                cuts.refine_plain(&tree, &receivers, size);
+                check(NodeWeights::Yuksel2019, &cuts);
+                #[cfg(target_arch = "x86_64")]
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    cuts.ends.clear();
+                    #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
+                    // SAFETY: this one has.
+                    unsafe {
+                        cuts.refine_avx2(&tree, &receivers, size);
+                    }
+                    check(NodeWeights::Yuksel2019, &cuts);
+                }
+            }
+            Ok(())
+        });
+    }
+}
