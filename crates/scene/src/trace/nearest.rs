@@ -168,7 +168,7 @@ impl Tracer {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn nearest_eight(
         &self,
         eight: super::width::Eight,

@@ -69,7 +69,7 @@ impl Tracer {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn closest_eight(
         &self,
         eight: super::width::Eight,
@@ -186,7 +186,7 @@ impl Tracer {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn is_occluded_eight(&self, eight: super::width::Eight, ray: &Ray, aside: &mut Aside) -> bool {
         self.is_occluded_with(eight, ray, aside)
     }

@@ -100,10 +100,12 @@ impl BlockHits {
     /// The hit of triangle `k`, one of those in the mask.
     #[inline(always)]
     pub(crate) fn hit(&self, k: usize) -> TriangleHit {
+        // An index into glam's vectors is a jump.
+        let [t, v, w, sum] = [self.t, self.v, self.w, self.sum].map(|x| x.to_array()[k]);
         TriangleHit {
-            t: self.t[k],
-            u: self.v[k] / self.sum[k],
-            v: self.w[k] / self.sum[k],
+            t,
+            u: v / sum,
+            v: w / sum,
         }
     }
 }

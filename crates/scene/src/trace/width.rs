@@ -116,11 +116,12 @@ mod eight {
     pub(crate) struct Eight(());
 
     impl Eight {
-        /// `None` where the processor lacks any of `avx2`, `bmi1` and `popcnt`.
+        /// `None` where the processor lacks any of `avx2`, `bmi1`, `bmi2` and `popcnt`.
         #[inline(always)]
         pub(crate) fn detect() -> Option<Self> {
             (is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2")
                 && is_x86_feature_detected!("popcnt"))
             .then_some(Self(()))
         }
