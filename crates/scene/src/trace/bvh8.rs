@@ -13,7 +13,9 @@ pub(crate) const STACK: usize = 7 * MAX_DEPTH + 8;
 pub(crate) const NODE: usize = 7;
 /// The last of them: links, bit by bit.
 const LINKS: usize = 6;
-/// Links count quarters of rows: that many bytes are what addresses are multiplied by at no cost.
+/// What links count: eight bytes, by which addresses are multiplied at no cost.
+type Step = [f32; WIDTH / STEPS];
+/// Steps of a row.
 const STEPS: usize = 4;
 /// Set in a link to a block of triangles.
 const LEAF: u32 = 1;
@@ -32,13 +34,18 @@ pub(crate) struct Row(pub(crate) Lanes);
 
 /// Eight boxes, coordinate by coordinate: least x, y, z, greatest x, y, z, and what lies in them. Unused slots hold an
 /// infinitely distant point.
+///
+/// Made by [`Bvh8::node`] alone, which asks whether all rows are there.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Node8<'a>(&'a [Lanes; NODE]);
+pub(crate) struct Node8<'a> {
+    rows: &'a [Row],
+    link: u32,
+}
 
 /// The hierarchy; `rows` is empty when there is no triangle.
 ///
 /// Nodes and blocks lie in one array, so that a link says where its first cache line is without asking which of both it
-/// leads to: it is the number of that row in [`STEPS`], and [`LEAF`].
+/// leads to: it is the number of [`Step`]s before it, and [`LEAF`].
 #[derive(Debug, Default)]
 pub(crate) struct Bvh8 {
     pub(crate) rows: Vec<Row>,
@@ -100,19 +107,23 @@ impl Node8<'_> {
     /// Bounds of all children in one coordinate.
     #[inline(always)]
     pub(crate) fn bounds(&self, row: usize) -> &Lanes {
-        &self.0[row]
+        assert!(row < NODE, "a node has seven rows");
+        #[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+        // SAFETY: whoever made the node has asked.
+        let [bounds] = unsafe { rows_at(self.rows, row, self.link) };
+        bounds
     }
 
     /// Where child `k` is.
     #[inline(always)]
     pub(crate) fn link(&self, k: usize) -> u32 {
-        self.0[LINKS][k].to_bits()
+        self.links()[k].to_bits()
     }
 
     /// The bits of all links.
     #[inline(always)]
     pub(crate) fn links(&self) -> &Lanes {
-        &self.0[LINKS]
+        self.bounds(LINKS)
     }
 }
 
@@ -122,36 +133,46 @@ pub(crate) fn is_inner(link: u32) -> bool {
     link & LEAF == 0
 }
 
+/// The numbers of `N` rows, of which the first is `row` rows behind the one that `link` leads to.
+///
+/// # Safety
+/// All of them are among `rows`.
+#[inline(always)]
+#[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+unsafe fn rows_at<const N: usize>(rows: &[Row], row: usize, link: u32) -> &[Lanes; N] {
+    // What a traversal keeps is added first, and the link, which it waits for, by the load itself.
+    let steps = rows.as_ptr().wrapping_add(row).cast::<Step>();
+    // SAFETY: as the caller promises; rows hold numbers and nothing else.
+    unsafe { &*steps.wrapping_add(link as usize).cast() }
+}
+
 impl Bvh8 {
     /// The node that `link` leads to.
     #[inline(always)]
     pub(crate) fn node(&self, link: u32) -> Node8<'_> {
-        Node8(self.rows_at(link))
+        self.assert_holds(link, NODE);
+        Node8 {
+            rows: &self.rows,
+            link,
+        }
     }
 
     /// The block that `link` leads to.
     #[inline(always)]
     pub(crate) fn block(&self, link: u32) -> TriangleBlock<'_> {
-        TriangleBlock(self.rows_at(link.wrapping_sub(LEAF)))
+        let link = link.wrapping_sub(LEAF);
+        self.assert_holds(link, BLOCK_ROWS);
+        #[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+        // SAFETY: that was just asked.
+        TriangleBlock(unsafe { rows_at(&self.rows, 0, link) })
     }
 
-    /// The numbers in `N` rows.
     #[inline(always)]
-    fn rows_at<const N: usize>(&self, link: u32) -> &[Lanes; N] {
-        let (first, end) = (link as usize, self.rows.len() * STEPS);
+    fn assert_holds(&self, link: u32, rows: usize) {
         assert!(
-            first + N * STEPS <= end,
-            "links lead to where something was put"
+            link as usize + rows * STEPS <= self.rows.len() * STEPS,
+            "a link leads to what was put there"
         );
-        let rows = self.rows.as_ptr().cast::<[f32; WIDTH / STEPS]>();
-        #[allow(
-            unsafe_code,
-            reason = "a number of a row would be a division and a multiplication before each visit"
-        )]
-        // SAFETY: they are within the rows, as was just asked, which hold numbers and nothing else.
-        unsafe {
-            &*rows.add(first).cast()
-        }
     }
 
     /// Asks for the memory that `link` will read; nothing where the processor offers no way to.
@@ -161,9 +182,9 @@ impl Bvh8 {
         {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
             // A node touches four cache lines, and a block three: a number that depended on the link would be a branch. The
-            // bit that tells them apart is a quarter of a row, and changes no line.
-            let rows = self.rows.as_ptr().cast::<i8>();
-            let address = rows.wrapping_add(link as usize * (size_of::<Row>() / STEPS));
+            // bit that tells them apart is a step, and changes no line.
+            let steps = self.rows.as_ptr().cast::<Step>();
+            let address = steps.wrapping_add(link as usize).cast::<i8>();
             for line in 0..4 {
                 #[allow(unsafe_code, reason = "the only way to prefetch")]
                 // SAFETY: a prefetch reads nothing the program can see and never faults, whatever the address.

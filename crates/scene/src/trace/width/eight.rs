@@ -32,6 +32,19 @@ impl Eight {
     }
 }
 
+/// Bit by bit where a distance that is not negative is not greater than another one.
+///
+/// # Safety
+/// The processor has AVX2.
+#[inline(always)]
+unsafe fn in_order(from: __m256, to: __m256) -> u32 {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let is_beyond = _mm256_cmpgt_epi32(_mm256_castps_si256(from), _mm256_castps_si256(to));
+        !_mm256_movemask_ps(_mm256_castsi256_ps(is_beyond)) as u32 & 0xff
+    }
+}
+
 /// The greater of each two distances, and whichever is negative of two that are: an order of bits takes one step, that of
 /// numbers four. Boxes behind the ray are not told apart.
 ///
@@ -77,7 +90,7 @@ impl Width for Eight {
             let to = _mm256_mul_ps(to, _mm256_set1_ps(FAR_SLACK));
             let to = lesser(to, _mm256_set1_ps(t_max));
             _mm256_storeu_ps(near.as_mut_ptr(), from);
-            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
+            in_order(from, to)
         }
     }
 
@@ -98,7 +111,7 @@ impl Width for Eight {
             let to = lesser(far_plane(0), far_plane(1));
             let to = lesser(to, lesser(far_plane(2), _mm256_set1_ps(t_max)));
             _mm256_storeu_ps(near.as_mut_ptr(), from);
-            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(from, to)) as u32
+            in_order(from, to)
         }
     }
 

@@ -10,6 +10,13 @@ use super::{
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Four;
 
+/// Bit by bit where a distance that is not negative is not greater than another one. That is so of no -0 either, as where bits
+/// are compared.
+#[inline(always)]
+fn in_order(from: Vec4, to: Vec4) -> u32 {
+    from.cmple(to).bitmask() & !to.is_negative_bitmask()
+}
+
 impl Width for Four {
     #[inline(always)]
     fn meet(self, node: Node8<'_>, ray: &NodeRay, t_max: f32, near: &mut Lanes) -> u32 {
@@ -27,7 +34,7 @@ impl Width for Four {
             }
             let to = (to * FAR_SLACK).min(Vec4::splat(t_max));
             from.write_to_slice(&mut near[4 * half..]);
-            mask |= from.cmple(to).bitmask() << (4 * half);
+            mask |= in_order(from, to) << (4 * half);
         }
         mask
     }
@@ -48,7 +55,7 @@ impl Width for Four {
             let to = far_plane(0).min(far_plane(1));
             let to = to.min(far_plane(2).min(Vec4::splat(t_max)));
             from.write_to_slice(&mut near[4 * half..]);
-            mask |= from.cmple(to).bitmask() << (4 * half);
+            mask |= in_order(from, to) << (4 * half);
         }
         mask
     }
