@@ -66,7 +66,7 @@ pub(crate) struct OrderedRay {
     /// The reciprocal direction, longer by [`FAR_SLACK`].
     pub(crate) inverse_far: Vec3,
     /// For each axis the row of bounds that the ray comes to first, and the other.
-    pub(crate) rows: [[u8; 2]; 3],
+    pub(crate) rows: [[usize; 2]; 3],
 }
 
 /// Widens the far end of the slabs by 4 ulp, so that rounding never loses a box that the ray enters
@@ -90,10 +90,11 @@ impl OrderedRay {
     #[inline(always)]
     pub(crate) fn of(origin: Vec3, direction: Vec3) -> Self {
         let ray = NodeRay::of(origin, direction);
-        let is_backward = ray.inverse.cmplt(Vec3::ZERO);
-        let rows = |axis: u8| match is_backward.test(axis.into()) {
-            true => [axis + 3, axis],
-            false => [axis, axis + 3],
+        // Of the direction itself: its reciprocal is waited for.
+        let backward = direction.is_negative_bitmask() as usize;
+        let rows = |axis: usize| {
+            let first = 3 * (backward >> axis & 1);
+            [axis + first, axis + 3 - first]
         };
         Self {
             ray,

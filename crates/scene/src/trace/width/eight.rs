@@ -99,7 +99,7 @@ impl Width for Eight {
         // SAFETY: as in `meet`.
         unsafe {
             let plane = |axis: usize, side: usize, inverse: Vec3| {
-                let row = node.bounds(ray.rows[axis][side] as usize);
+                let row = node.bounds(ray.rows[axis][side]);
                 let origin = _mm256_set1_ps(ray.ray.origin[axis]);
                 let way = _mm256_sub_ps(_mm256_loadu_ps(row.as_ptr()), origin);
                 _mm256_mul_ps(way, _mm256_set1_ps(inverse[axis]))

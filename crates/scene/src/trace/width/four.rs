@@ -44,7 +44,7 @@ impl Width for Four {
         let mut mask = 0;
         for half in 0..2 {
             let plane = |axis: usize, side: usize, inverse: Vec3| {
-                let row = node.bounds(ray.rows[axis][side] as usize);
+                let row = node.bounds(ray.rows[axis][side]);
                 let row = Vec4::from_slice(&row[4 * half..]);
                 (row - Vec4::splat(ray.ray.origin[axis])) * Vec4::splat(inverse[axis])
             };
