@@ -13,6 +13,10 @@ pub(crate) const STACK: usize = 7 * MAX_DEPTH + 8;
 pub(crate) const NODE: usize = 7;
 /// The last of them: links, bit by bit.
 const LINKS: usize = 6;
+/// What links count: eight bytes, by which addresses are multiplied at no cost.
+type Step = [f32; WIDTH / STEPS];
+/// Steps of a row.
+const STEPS: usize = 4;
 /// Set in a link to a block of triangles.
 const LEAF: u32 = 1;
 /// A link that leads nowhere, below all others on a stack.
@@ -30,13 +34,18 @@ pub(crate) struct Row(pub(crate) Lanes);
 
 /// Eight boxes, coordinate by coordinate: least x, y, z, greatest x, y, z, and what lies in them. Unused slots hold an
 /// infinitely distant point.
+///
+/// Made by [`Bvh8::node`] alone, which asks whether all rows are there.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Node8<'a>(pub(crate) &'a [Row; NODE]);
+pub(crate) struct Node8<'a> {
+    rows: &'a [Row],
+    link: u32,
+}
 
 /// The hierarchy; `rows` is empty when there is no triangle.
 ///
 /// Nodes and blocks lie in one array, so that a link says where its first cache line is without asking which of both it
-/// leads to: it is the number of that row, twice, and [`LEAF`].
+/// leads to: it is the number of [`Step`]s before it, and [`LEAF`].
 #[derive(Debug, Default)]
 pub(crate) struct Bvh8 {
     pub(crate) rows: Vec<Row>,
@@ -57,7 +66,7 @@ pub(crate) struct OrderedRay {
     /// The reciprocal direction, longer by [`FAR_SLACK`].
     pub(crate) inverse_far: Vec3,
     /// For each axis the row of bounds that the ray comes to first, and the other.
-    pub(crate) rows: [[u8; 2]; 3],
+    pub(crate) rows: [[usize; 2]; 3],
 }
 
 /// Widens the far end of the slabs by 4 ulp, so that rounding never loses a box that the ray enters
@@ -81,10 +90,11 @@ impl OrderedRay {
     #[inline(always)]
     pub(crate) fn of(origin: Vec3, direction: Vec3) -> Self {
         let ray = NodeRay::of(origin, direction);
-        let is_backward = ray.inverse.cmplt(Vec3::ZERO);
-        let rows = |axis: u8| match is_backward.test(axis.into()) {
-            true => [axis + 3, axis],
-            false => [axis, axis + 3],
+        // Of the direction itself: its reciprocal is waited for.
+        let backward = direction.is_negative_bitmask() as usize;
+        let rows = |axis: usize| {
+            let first = 3 * (backward >> axis & 1);
+            [axis + first, axis + 3 - first]
         };
         Self {
             ray,
@@ -98,19 +108,23 @@ impl Node8<'_> {
     /// Bounds of all children in one coordinate.
     #[inline(always)]
     pub(crate) fn bounds(&self, row: usize) -> &Lanes {
-        &self.0[row].0
+        assert!(row < NODE, "a node has seven rows");
+        #[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+        // SAFETY: whoever made the node has asked.
+        let [bounds] = unsafe { rows_at(self.rows, row, self.link) };
+        bounds
     }
 
     /// Where child `k` is.
     #[inline(always)]
     pub(crate) fn link(&self, k: usize) -> u32 {
-        self.0[LINKS].0[k].to_bits()
+        self.links()[k].to_bits()
     }
 
     /// The bits of all links.
     #[inline(always)]
     pub(crate) fn links(&self) -> &Lanes {
-        &self.0[LINKS].0
+        self.bounds(LINKS)
     }
 }
 
@@ -120,30 +134,46 @@ pub(crate) fn is_inner(link: u32) -> bool {
     link & LEAF == 0
 }
 
-/// Row at which what a link leads to begins.
+/// The numbers of `N` rows, of which the first is `row` rows behind the one that `link` leads to.
+///
+/// # Safety
+/// All of them are among `rows`.
 #[inline(always)]
-fn row_of(link: u32) -> usize {
-    (link >> 1) as usize
+#[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+unsafe fn rows_at<const N: usize>(rows: &[Row], row: usize, link: u32) -> &[Lanes; N] {
+    // What a traversal keeps is added first, and the link, which it waits for, by the load itself.
+    let steps = rows.as_ptr().wrapping_add(row).cast::<Step>();
+    // SAFETY: as the caller promises; rows hold numbers and nothing else.
+    unsafe { &*steps.wrapping_add(link as usize).cast() }
 }
 
 impl Bvh8 {
     /// The node that `link` leads to.
     #[inline(always)]
     pub(crate) fn node(&self, link: u32) -> Node8<'_> {
-        Node8(self.rows_at(link))
+        self.assert_holds(link, NODE);
+        Node8 {
+            rows: &self.rows,
+            link,
+        }
     }
 
     /// The block that `link` leads to.
     #[inline(always)]
     pub(crate) fn block(&self, link: u32) -> TriangleBlock<'_> {
-        TriangleBlock(self.rows_at(link))
+        let link = link.wrapping_sub(LEAF);
+        self.assert_holds(link, BLOCK_ROWS);
+        #[allow(unsafe_code, reason = "the sum of addresses is part of the load")]
+        // SAFETY: that was just asked.
+        TriangleBlock(unsafe { rows_at(&self.rows, 0, link) })
     }
 
     #[inline(always)]
-    fn rows_at<const N: usize>(&self, link: u32) -> &[Row; N] {
-        let first = row_of(link);
-        let rows = self.rows[first..].first_chunk();
-        rows.expect("as many as asked for")
+    fn assert_holds(&self, link: u32, rows: usize) {
+        assert!(
+            link as usize + rows * STEPS <= self.rows.len() * STEPS,
+            "a link leads to what was put there"
+        );
     }
 
     /// Asks for the memory that `link` will read; nothing where the processor offers no way to.
@@ -153,9 +183,9 @@ impl Bvh8 {
         {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
             // A node touches four cache lines, and a block three: a number that depended on the link would be a branch. The
-            // bit that tells them apart is half a row, and changes no line.
-            let rows = self.rows.as_ptr().cast::<i8>();
-            let address = rows.wrapping_add(link as usize * (size_of::<Row>() / 2));
+            // bit that tells them apart is a step, and changes no line.
+            let steps = self.rows.as_ptr().cast::<Step>();
+            let address = steps.wrapping_add(link as usize).cast::<i8>();
             for line in 0..4 {
                 #[allow(unsafe_code, reason = "the only way to prefetch")]
                 // SAFETY: a prefetch reads nothing the program can see and never faults, whatever the address.
@@ -170,8 +200,8 @@ impl Bvh8 {
 
     /// The link to what is added next.
     fn next_link(&self) -> u32 {
-        let row = u32::try_from(2 * self.rows.len());
-        row.expect("too many triangles for links of 32 bits")
+        let link = u32::try_from(STEPS * self.rows.len());
+        link.expect("too many triangles for links of 32 bits")
     }
 
     /// Adds an empty node and returns the link to it.
@@ -186,7 +216,7 @@ impl Bvh8 {
 
     /// Puts what `link` leads to into a slot of the node at `node`.
     pub(super) fn set(&mut self, node: u32, slot: usize, lo: Vec3A, hi: Vec3A, link: u32) {
-        let rows = &mut self.rows[row_of(node)..][..NODE];
+        let rows = &mut self.rows[node as usize / STEPS..][..NODE];
         for axis in 0..3 {
             rows[axis].0[slot] = lo[axis];
             rows[axis + 3].0[slot] = hi[axis];

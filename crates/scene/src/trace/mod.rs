@@ -21,6 +21,7 @@ use bvh8::Bvh8;
 use cutout::Cutouts;
 pub use nearest::NearestScratch;
 pub use occlusion::OcclusionScratch;
+use width::Widest;
 
 /// A ray, or with `t_max` = 1 the segment from `origin` to `origin + direction`.
 #[derive(Debug, Clone, Copy)]
@@ -64,6 +65,7 @@ pub struct Hit {
 pub struct Tracer {
     bvh: Bvh8,
     cutouts: Cutouts,
+    widest: Widest,
 }
 
 impl Tracer {
@@ -74,7 +76,11 @@ impl Tracer {
     pub fn build(scene: &Scene) -> Self {
         let cutouts = Cutouts::of(scene);
         let bvh = Bvh8::build(&scene.mesh, &cutouts);
-        Self { bvh, cutouts }
+        Self {
+            bvh,
+            cutouts,
+            widest: Widest::detect(),
+        }
     }
 
     /// Number of triangles that rays can hit.

@@ -3,11 +3,11 @@
 //! Thirty-two rays take turns, as shadow rays do (`occlusion.rs`). The children that a ray meets are sorted by distance without
 //! a branch, since their number and order are not to be foretold.
 
-use super::bvh8::{self, Lanes, NOWHERE, Node8, NodeRay, Stack, WIDTH};
+use super::bvh8::{self, NOWHERE, NodeRay, Stack, WIDTH};
 use super::occlusion::{LANES, LaneSet, Turns};
 use super::single::bits;
 use super::triangle::WatertightRay;
-use super::width::{Four, Width};
+use super::width::{Width, by_width};
 use super::{Hit, Ray, Tracer};
 
 /// A ray under way.
@@ -35,112 +35,6 @@ pub struct NearestScratch {
     lanes: Vec<Lane>,
 }
 
-/// What children are sorted by: those that are met first, the farthest before the nearest. The distance, rounded down, is
-/// turned over, and its lowest bits are the child's number.
-type Key = i32;
-
-const CHILD: Key = WIDTH as Key - 1;
-const NOT_MET: Key = Key::MAX;
-
-/// [`Width`] for rays whose nearest hit is wanted.
-pub(super) trait Sort: Width {
-    /// Writes links and distances of the children in `mask`, which are `near`, the farthest first. What is written behind
-    /// them means nothing.
-    fn sort(
-        self,
-        node: Node8<'_>,
-        mask: u32,
-        near: &Lanes,
-        links: &mut [u32; WIDTH],
-        entries: &mut Lanes,
-    );
-}
-
-impl Sort for Four {
-    #[inline(always)]
-    fn sort(
-        self,
-        node: Node8<'_>,
-        mask: u32,
-        near: &Lanes,
-        links: &mut [u32; WIDTH],
-        entries: &mut Lanes,
-    ) {
-        let mut keys: [Key; WIDTH] = std::array::from_fn(|k| match mask >> k & 1 {
-            0 => NOT_MET,
-            _ => NOT_MET ^ (near[k].to_bits() as Key & !CHILD | k as Key),
-        });
-        keys.sort_unstable();
-        for (i, key) in keys.into_iter().enumerate() {
-            let key = NOT_MET ^ key;
-            links[i] = node.link((key & CHILD) as usize);
-            entries[i] = f32::from_bits((key & !CHILD) as u32);
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-mod eight {
-    #![allow(
-        unsafe_code,
-        reason = "the only way to use instructions of a processor found at run time"
-    )]
-
-    use std::arch::x86_64::*;
-
-    use super::super::width::Eight;
-    use super::{CHILD, Lanes, NOT_MET, Node8, Sort, WIDTH};
-
-    impl Sort for Eight {
-        #[inline(always)]
-        fn sort(
-            self,
-            node: Node8<'_>,
-            mask: u32,
-            near: &Lanes,
-            links: &mut [u32; WIDTH],
-            entries: &mut Lanes,
-        ) {
-            // SAFETY: `self` proves AVX2, and all arrays have eight numbers.
-            unsafe {
-                let (child, not_met) = (_mm256_set1_epi32(CHILD), _mm256_set1_epi32(NOT_MET));
-                let near = _mm256_loadu_si256(near.as_ptr().cast());
-                let numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-                let key = _mm256_or_si256(_mm256_andnot_si256(child, near), numbers);
-                let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-                let is_met = _mm256_and_si256(_mm256_set1_epi32(mask as i32), bits);
-                let is_met = _mm256_cmpeq_epi32(is_met, bits);
-                let mut keys = _mm256_xor_si256(not_met, _mm256_and_si256(is_met, key));
-                // A bitonic network: each step compares with the places that a permutation names, and those that the mask
-                // names keep the greater.
-                macro_rules! step {
-                    ($others:expr, $greater:literal) => {
-                        let others = $others;
-                        let (lesser, greater) = (
-                            _mm256_min_epi32(keys, others),
-                            _mm256_max_epi32(keys, others),
-                        );
-                        keys = _mm256_blend_epi32::<$greater>(lesser, greater);
-                    };
-                }
-                let reversed = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
-                step!(_mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-                step!(_mm256_shuffle_epi32::<0b00_01_10_11>(keys), 0b1100_1100);
-                step!(_mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-                step!(_mm256_permutevar8x32_epi32(keys, reversed), 0b1111_0000);
-                step!(_mm256_shuffle_epi32::<0b01_00_11_10>(keys), 0b1100_1100);
-                step!(_mm256_shuffle_epi32::<0b10_11_00_01>(keys), 0b1010_1010);
-                let keys = _mm256_xor_si256(not_met, keys);
-                let all = _mm256_loadu_si256(node.links().as_ptr().cast());
-                let sorted = _mm256_permutevar8x32_epi32(all, _mm256_and_si256(keys, child));
-                _mm256_storeu_si256(links.as_mut_ptr().cast(), sorted);
-                let entry = _mm256_andnot_si256(child, keys);
-                _mm256_storeu_si256(entries.as_mut_ptr().cast(), entry);
-            }
-        }
-    }
-}
-
 impl Tracer {
     /// The nearest hit of each ray: what [`closest`](Self::closest) finds one by one.
     ///
@@ -152,35 +46,17 @@ impl Tracer {
             hits.fill(None);
             return;
         }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eight) = super::width::Eight::detect() {
-            #[allow(
-                unsafe_code,
-                reason = "the only way to call code for a processor found at run time"
-            )]
-            // SAFETY: the processor has what the function is compiled for, as was just asked.
-            unsafe {
-                self.nearest_eight(eight, rays, hits, scratch);
-            }
-            return;
-        }
-        self.nearest_with(Four, rays, hits, scratch);
+        self.nearest_by_width(rays, hits, scratch);
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
-    fn nearest_eight(
-        &self,
-        eight: super::width::Eight,
+    by_width!(nearest_by_width = nearest_with(
         rays: &[Ray],
         hits: &mut [Option<Hit>],
-        scratch: &mut NearestScratch,
-    ) {
-        self.nearest_with(eight, rays, hits, scratch);
-    }
+        scratch: &mut NearestScratch
+    ));
 
     #[inline(always)]
-    pub(super) fn nearest_with<W: Sort>(
+    fn nearest_with<W: Width>(
         &self,
         width: W,
         rays: &[Ray],
@@ -220,7 +96,7 @@ impl Tracer {
             for l in bits(std::mem::take(&mut turns.blocks)) {
                 let lane = &mut lanes[l];
                 let block = self.bvh.block(lane.link);
-                let found = block.intersect(&lane.watertight, lane.t_max);
+                let found = width.intersect(block, &lane.watertight, lane.t_max);
                 for k in bits(found.mask) {
                     let hit = found.hit(k);
                     if hit.t < lane.t_max && self.is_solid(block, k, || hit) {

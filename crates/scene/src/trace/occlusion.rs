@@ -11,7 +11,7 @@
 use super::bvh8::{self, NOWHERE, NodeRay, Stack};
 use super::single::bits;
 use super::triangle::WatertightRay;
-use super::width::{Four, Width};
+use super::width::{Width, by_width};
 use super::{Ray, Tracer};
 
 /// Rays that take turns, one for each bit of a [`LaneSet`].
@@ -59,35 +59,17 @@ impl Tracer {
         if self.bvh.rows.is_empty() {
             return;
         }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eight) = super::width::Eight::detect() {
-            #[allow(
-                unsafe_code,
-                reason = "the only way to call code for a processor found at run time"
-            )]
-            // SAFETY: the processor has what the function is compiled for, as was just asked.
-            unsafe {
-                self.occluded_eight(eight, rays, answers, scratch);
-            }
-            return;
-        }
-        self.occluded_with(Four, rays, answers, scratch);
+        self.occluded_by_width(rays, answers, scratch);
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
-    fn occluded_eight(
-        &self,
-        eight: super::width::Eight,
+    by_width!(occluded_by_width = occluded_with(
         rays: &[Ray],
         answers: &mut [bool],
-        scratch: &mut OcclusionScratch,
-    ) {
-        self.occluded_with(eight, rays, answers, scratch);
-    }
+        scratch: &mut OcclusionScratch
+    ));
 
     #[inline(always)]
-    pub(super) fn occluded_with<W: Width>(
+    fn occluded_with<W: Width>(
         &self,
         width: W,
         rays: &[Ray],
@@ -117,7 +99,7 @@ impl Tracer {
             }
             for l in bits(std::mem::take(&mut turns.blocks)) {
                 let lane = &mut lanes[l];
-                let is_stopped = self.block_stops(lane.link, &lane.watertight, lane.t_max);
+                let is_stopped = self.block_stops(width, lane.link, &lane.watertight, lane.t_max);
                 answers[lane.index] = is_stopped;
                 lane.pop();
                 lane.link |= u32::from(is_stopped).wrapping_neg() & NOWHERE;

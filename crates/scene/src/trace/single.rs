@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use super::bvh8::{self, OrderedRay};
 use super::triangle::{TriangleBlock, TriangleHit, WatertightRay};
-use super::width::{Four, Width};
+use super::width::{Width, by_width};
 use super::{Hit, Ray, Tracer};
 
 /// A child that a ray has yet to visit.
@@ -41,7 +41,7 @@ fn sorted(a: Entry, b: Entry) -> (Entry, Entry) {
 pub(super) type Aside = [Entry; bvh8::STACK];
 
 /// None yet.
-pub(super) const NONE_ASIDE: Aside = [Entry(0); bvh8::STACK];
+const NONE_ASIDE: Aside = [Entry(0); bvh8::STACK];
 
 thread_local! {
     /// Kept, since clearing it for each ray takes as long as three nodes.
@@ -54,38 +54,13 @@ impl Tracer {
         if self.bvh.rows.is_empty() {
             return None;
         }
-        ASIDE.with_borrow_mut(|aside| {
-            #[cfg(target_arch = "x86_64")]
-            if let Some(eight) = super::width::Eight::detect() {
-                #[allow(
-                    unsafe_code,
-                    reason = "the only way to call code for a processor found at run time"
-                )]
-                // SAFETY: the processor has what the function is compiled for, as was just asked.
-                return unsafe { self.closest_eight(eight, ray, aside) };
-            }
-            self.closest_with(Four, ray, aside)
-        })
+        ASIDE.with_borrow_mut(|aside| self.closest_by_width(ray, aside))
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
-    fn closest_eight(
-        &self,
-        eight: super::width::Eight,
-        ray: &Ray,
-        aside: &mut Aside,
-    ) -> Option<Hit> {
-        self.closest_with(eight, ray, aside)
-    }
+    by_width!(closest_by_width = closest_with(ray: &Ray, aside: &mut Aside) -> Option<Hit>);
 
     #[inline(always)]
-    pub(super) fn closest_with<W: Width>(
-        &self,
-        width: W,
-        ray: &Ray,
-        aside: &mut Aside,
-    ) -> Option<Hit> {
+    fn closest_with<W: Width>(&self, width: W, ray: &Ray, aside: &mut Aside) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max.min(f32::MAX);
         let query = OrderedRay::of(ray.origin, ray.direction);
@@ -139,7 +114,7 @@ impl Tracer {
             }
             if !bvh8::is_inner(link) {
                 let block = self.bvh.block(link);
-                let hits = block.intersect(&watertight, t_max);
+                let hits = width.intersect(block, &watertight, t_max);
                 for k in bits(hits.mask) {
                     let hit = hits.hit(k);
                     if hit.t < t_max && self.is_solid(block, k, || hit) {
@@ -171,33 +146,13 @@ impl Tracer {
         if self.bvh.rows.is_empty() {
             return false;
         }
-        ASIDE.with_borrow_mut(|aside| {
-            #[cfg(target_arch = "x86_64")]
-            if let Some(eight) = super::width::Eight::detect() {
-                #[allow(
-                    unsafe_code,
-                    reason = "the only way to call code for a processor found at run time"
-                )]
-                // SAFETY: the processor has what the function is compiled for, as was just asked.
-                return unsafe { self.is_occluded_eight(eight, ray, aside) };
-            }
-            self.is_occluded_with(Four, ray, aside)
-        })
+        ASIDE.with_borrow_mut(|aside| self.is_occluded_by_width(ray, aside))
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,popcnt")]
-    fn is_occluded_eight(&self, eight: super::width::Eight, ray: &Ray, aside: &mut Aside) -> bool {
-        self.is_occluded_with(eight, ray, aside)
-    }
+    by_width!(is_occluded_by_width = is_occluded_with(ray: &Ray, aside: &mut Aside) -> bool);
 
     #[inline(always)]
-    pub(super) fn is_occluded_with<W: Width>(
-        &self,
-        width: W,
-        ray: &Ray,
-        aside: &mut Aside,
-    ) -> bool {
+    fn is_occluded_with<W: Width>(&self, width: W, ray: &Ray, aside: &mut Aside) -> bool {
         let query = OrderedRay::of(ray.origin, ray.direction);
         let watertight = WatertightRay::of(ray);
         let t_max = ray.t_max.min(f32::MAX);
@@ -221,7 +176,7 @@ impl Tracer {
                     link = other;
                 }
             }
-            if !bvh8::is_inner(link) && self.block_stops(link, &watertight, t_max) {
+            if !bvh8::is_inner(link) && self.block_stops(width, link, &watertight, t_max) {
                 return true;
             }
             if top == 0 {
@@ -234,9 +189,15 @@ impl Tracer {
 
     /// Whether any triangle of a block stops the ray.
     #[inline(always)]
-    pub(super) fn block_stops(&self, link: u32, ray: &WatertightRay, t_max: f32) -> bool {
+    pub(super) fn block_stops<W: Width>(
+        &self,
+        width: W,
+        link: u32,
+        ray: &WatertightRay,
+        t_max: f32,
+    ) -> bool {
         let block = self.bvh.block(link);
-        let hits = block.intersect(ray, t_max);
+        let hits = width.intersect(block, ray, t_max);
         if self.cutouts.any() {
             bits(hits.mask).any(|k| self.is_solid(block, k, || hits.hit(k)))
         } else {
