@@ -19,8 +19,8 @@ type Step = [f32; WIDTH / STEPS];
 const STEPS: usize = 4;
 /// Set in a link to a block of triangles.
 const LEAF: u32 = 1;
-/// A link that leads nowhere, below all others on a stack.
-pub(crate) const NOWHERE: u32 = u32::MAX;
+/// A link that leads nowhere, below all others on a stack. To ask for its memory is to ask for the root's.
+pub(crate) const NOWHERE: u32 = 2;
 
 /// A number for each child.
 pub(crate) type Lanes = [f32; WIDTH];
@@ -128,10 +128,22 @@ impl Node8<'_> {
     }
 }
 
-/// Whether a link leads to a node. One that does not leads to a block of triangles, or [`NOWHERE`].
+/// Whether a link that leads somewhere leads to a node, and not to a block of triangles.
 #[inline(always)]
 pub(crate) fn is_inner(link: u32) -> bool {
     link & LEAF == 0
+}
+
+/// 1 when a link leads nowhere, else 0.
+#[inline(always)]
+pub(crate) fn nowhere_bit(link: u32) -> u32 {
+    link / NOWHERE & 1
+}
+
+/// 1 when a link leads to a block of triangles, else 0.
+#[inline(always)]
+pub(crate) fn block_bit(link: u32) -> u32 {
+    link & LEAF
 }
 
 /// The numbers of `N` rows, of which the first is `row` rows behind the one that `link` leads to.

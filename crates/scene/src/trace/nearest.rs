@@ -69,18 +69,18 @@ impl Tracer {
         let mut turns = Turns::all_idle();
         let mut started: LaneSet = 0;
         loop {
-            for (l, (index, ray)) in bits(std::mem::take(&mut turns.idle)).zip(&mut waiting) {
+            for (l, (index, ray)) in bits(turns.idle).zip(&mut waiting) {
                 if started >> l & 1 == 1 {
                     hits[lanes[l].index] = lanes[l].hit;
                 }
                 started |= 1 << l;
                 lanes[l].start(ray, index);
-                turns.inner |= 1 << l;
+                turns.start(l);
             }
-            if turns.inner | turns.blocks == 0 {
+            if turns.idle == LaneSet::MAX {
                 break;
             }
-            for l in bits(std::mem::take(&mut turns.inner)) {
+            for l in bits(turns.inner()) {
                 let lane = &mut lanes[l];
                 let node = self.bvh.node(lane.link);
                 let mut near = [0.0; WIDTH];

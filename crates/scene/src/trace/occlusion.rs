@@ -35,10 +35,9 @@ struct Lane {
     top: usize,
 }
 
-/// The lanes by what they do next.
+/// The lanes by what they do next: those in neither set are at an inner node.
 pub(super) struct Turns {
     pub(super) idle: LaneSet,
-    pub(super) inner: LaneSet,
     pub(super) blocks: LaneSet,
 }
 
@@ -81,14 +80,14 @@ impl Tracer {
         let mut waiting = rays.iter().enumerate();
         let mut turns = Turns::all_idle();
         loop {
-            for (l, (index, ray)) in bits(std::mem::take(&mut turns.idle)).zip(&mut waiting) {
+            for (l, (index, ray)) in bits(turns.idle).zip(&mut waiting) {
                 lanes[l].start(ray, index);
-                turns.inner |= 1 << l;
+                turns.start(l);
             }
-            if turns.inner | turns.blocks == 0 {
+            if turns.idle == LaneSet::MAX {
                 break;
             }
-            for l in bits(std::mem::take(&mut turns.inner)) {
+            for l in bits(turns.inner()) {
                 let lane = &mut lanes[l];
                 let node = self.bvh.node(lane.link);
                 let mask = width.meet(node, &lane.query, lane.t_max, &mut [0.0; bvh8::WIDTH]);
@@ -102,7 +101,7 @@ impl Tracer {
                 let is_stopped = self.block_stops(width, lane.link, &lane.watertight, lane.t_max);
                 answers[lane.index] = is_stopped;
                 lane.pop();
-                lane.link |= u32::from(is_stopped).wrapping_neg() & NOWHERE;
+                lane.link = if is_stopped { NOWHERE } else { lane.link };
                 self.bvh.prefetch(lane.link);
                 turns.file(l, lane.link);
             }
@@ -114,18 +113,26 @@ impl Turns {
     pub(super) fn all_idle() -> Self {
         Self {
             idle: LaneSet::MAX,
-            inner: 0,
             blocks: 0,
         }
     }
 
-    /// Gives lane `l` the turn that `link` asks for, without a branch.
+    #[inline(always)]
+    pub(super) fn inner(&self) -> LaneSet {
+        !(self.idle | self.blocks)
+    }
+
+    /// Lane `l` begins at the root.
+    #[inline(always)]
+    pub(super) fn start(&mut self, l: usize) {
+        self.idle &= !(1 << l);
+    }
+
+    /// Gives lane `l`, which is in no set, the turn that `link` asks for, without a branch.
     #[inline(always)]
     pub(super) fn file(&mut self, l: usize, link: u32) {
-        let (is_nowhere, is_inner) = (link == NOWHERE, bvh8::is_inner(link));
-        self.idle |= LaneSet::from(is_nowhere) << l;
-        self.inner |= LaneSet::from(is_inner) << l;
-        self.blocks |= LaneSet::from(!is_nowhere & !is_inner) << l;
+        self.idle |= bvh8::nowhere_bit(link) << l;
+        self.blocks |= bvh8::block_bit(link) << l;
     }
 }
 
