@@ -458,7 +458,6 @@ impl<F> PassOf<'_, F> {
             let number = u64::from(bounce) << 32 | u64::from(sample);
             Rng::new(self.spec.seed, pixel, number, purpose)
         };
-        let stream = |slot: u32, purpose| vertex_stream(slot, 0, purpose);
         let probe_stream = |number| {
             Rng::new(
                 self.spec.seed,
@@ -474,7 +473,7 @@ impl<F> PassOf<'_, F> {
             is_milestone: is_milestone(tile.done),
             centres: &scratch.centres,
             probe_stream: &probe_stream(0),
-            stream: &stream,
+            stream: &vertex_stream,
         };
         let mut learned = tile.learned.clone();
         queue.begin_tile(probe_stream(1));

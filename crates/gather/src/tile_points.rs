@@ -73,8 +73,8 @@ pub struct TilePoints<'a> {
     pub centres: &'a [Option<Centre>],
     /// A random stream of the tile, the same in every pass.
     pub probe_stream: &'a Rng,
-    /// The random stream of a slot for a purpose; it does not depend on how samples are split into passes.
-    pub stream: &'a dyn Fn(u32, Purpose) -> Rng,
+    /// The random stream of a vertex of a slot's eye path for a purpose; it does not depend on how samples are split into passes.
+    pub stream: &'a dyn Fn(u32, u32, Purpose) -> Rng,
 }
 
 #[cfg(test)]

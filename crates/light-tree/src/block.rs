@@ -229,6 +229,17 @@ impl Block {
             true => seen.region.unwrap_or_default(),
             false => Region::default(),
         };
+        // Copies: what lies behind a reference is read anew where the compiler sees a branch.
+        let (
+            SeenLobe {
+                axis: lobe_axis,
+                diffuse,
+                near: facets,
+                alpha2: own_alpha2,
+            },
+            position,
+            normal,
+        ) = (*lobe, seen.position, seen.normal);
         let mut centre2 = [0.0f32; WIDTH];
         let mut half2 = [0.0f32; WIDTH];
         let mut least2 = [0.0f32; WIDTH];
@@ -239,7 +250,7 @@ impl Block {
         let mut ahead_reach = [0.0f32; WIDTH];
         let mut along = [0.0f32; WIDTH];
         for axis in 0..3 {
-            let (p, n) = (seen.position[axis], seen.normal[axis]);
+            let (p, n) = (position[axis], normal[axis]);
             for k in 0..WIDTH {
                 let (lo, hi) = (self.lo[axis][k] - p, self.hi[axis][k] - p);
                 let (c, h) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
@@ -258,7 +269,7 @@ impl Block {
                     ahead_reach[k] += a.abs() * padded;
                 }
                 if GLOSSY {
-                    along[k] += lobe.axis[axis] * c;
+                    along[k] += lobe_axis[axis] * c;
                 }
             }
         }
@@ -300,25 +311,23 @@ impl Block {
                 }
                 let omni = cos <= -1.0;
                 let emitted = mean_positive(ahead[k], spread + radius) * d;
-                arriving *= if omni { 1.0 } else { emitted };
-                most_arriving *= if omni {
-                    1.0
-                } else {
-                    ((ahead[k] + spread) * from).clamp(0.0, 1.0)
-                };
+                let most_emitted = ((ahead[k] + spread) * from).clamp(0.0, 1.0);
+                let all = only(omni, 1.0);
+                arriving *= all + only(!omni, emitted);
+                most_arriving *= all + only(!omni, most_emitted);
                 alive &= omni | (ahead[k] + spread > 0.0);
             }
             let around2 = half2[k] + radius * radius;
-            let mut alike = FAR2 * lobe.alpha2 * centre2[k] - around2;
+            let mut alike = FAR2 * own_alpha2 * centre2[k] - around2;
             if ORIENTED {
-                alike = if self.cos[k] < ALIKE { 0.0 } else { alike };
+                alike = only(self.cos[k] >= ALIKE, alike);
             }
             out.alike[k] = alike;
             let (mut reflected, mut most) = (cos, cos);
             if GLOSSY {
                 let dist2 = (centre2[k] + around2).max(LEAST_DIST2);
                 // A facet turns by half the angle by which the direction does.
-                let mut alpha2 = (lobe.alpha2 + 0.25 * around2 / dist2).min(1.0);
+                let mut alpha2 = (own_alpha2 + 0.25 * around2 / dist2).min(1.0);
                 if REGION {
                     let turned2 = 0.25 * region.radius * region.radius / dist2;
                     let wide2 = (alpha2 + turned2 + region.tilt * region.tilt).min(1.0);
@@ -328,28 +337,22 @@ impl Block {
                 let sin2 = 0.5 * (1.0 - along[k] / centre2[k].max(LEAST_DIST2).sqrt());
                 let above =
                     ((height[k] + reach) / (2.0 * reach).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-                let mirrored = above * lobe.near * ggx_density(alpha2, sin2.clamp(0.0, 1.0));
-                reflected = lobe.diffuse * cos + mirrored;
-                most = lobe.diffuse * cos + mirrored * (alpha2 / lobe.alpha2);
+                let mirrored = above * facets * ggx_density(alpha2, sin2.clamp(0.0, 1.0));
+                reflected = diffuse * cos + mirrored;
+                most = diffuse * cos + mirrored * (alpha2 / own_alpha2);
             }
             // However small, a light that is lit can be drawn.
             let least = match BOUND {
                 true => 0.0,
                 false => LEAST_OF_MOST * most_arriving * cos_most,
             };
-            out.weights[k] = if alive {
-                (arriving * reflected)
-                    .max(least)
-                    .clamp(f32::MIN_POSITIVE, GREATEST)
-            } else {
-                0.0
-            };
+            let weight = (arriving * reflected)
+                .max(least)
+                .clamp(f32::MIN_POSITIVE, GREATEST);
+            out.weights[k] = only(alive, weight);
             out.swings[k] = swing;
-            out.peaks[k] = if alive {
-                (arriving * most * (to2 / nearest2)).min(GREATEST)
-            } else {
-                0.0
-            };
+            let peak = (arriving * most * (to2 / nearest2)).min(GREATEST);
+            out.peaks[k] = only(alive, peak);
         }
         out
     }
@@ -370,6 +373,12 @@ impl Block {
             }
         }
     }
+}
+
+/// `x`, or 0 where it is not so. Not by a branch, for which the compiler would go through lanes one after the other.
+#[inline(always)]
+fn only(is: bool, x: f32) -> f32 {
+    f32::from_bits(x.to_bits() & u32::from(is).wrapping_neg())
 }
 
 /// Mean of the positive part of what is spread evenly over middle ± reach.

@@ -1,21 +1,83 @@
-//! Descents through an eight-way tree: one light from each of many clusters.
+//! Descents through an eight-way tree: one light from each of many clusters, for many points at once.
 
-use crate::block::{Lanes, Seen, WIDTH};
+use crate::block::{Cluster, Lanes, Seen, WIDTH};
 use crate::bounds::Receiver;
-use crate::draws::{Drawn, Draws, Pick};
+use crate::light::LightId;
 use crate::prefetch::prefetch;
 use crate::select::BELOW_ONE;
 use crate::wide::{WideTree, by_width};
 
-/// Descents under way; memory is kept from receiver to receiver.
+/// A light that was drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Which light.
+    pub light: LightId,
+    /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
+    pub expected: f64,
+    /// The cluster of the cut that it is in.
+    pub cluster: u32,
+    /// What it is expected to bring: its share of the weight of its cluster.
+    pub weight: f64,
+}
+
+/// Lights drawn for several points together, all descending side by side: the memory latencies of one hide behind the steps of
+/// the others. Memory is kept.
 #[derive(Debug, Default)]
-pub(crate) struct Descents {
+pub struct Descents {
+    points: Vec<Point>,
+    /// What was drawn, point by point; `None` where nothing in the cluster can light the point.
+    drawn: Vec<Option<Drawn>>,
     /// Where clusters are weighed.
-    near: Vec<Pick>,
+    near: Vec<Descent>,
     /// Where only intensities tell lights apart.
-    far: Vec<Pick>,
-    shares: Vec<Shares>,
-    chosen: Vec<Chosen>,
+    far: Vec<Descent>,
+}
+
+/// Who is lit.
+#[derive(Debug)]
+struct Point {
+    receiver: Receiver,
+    seen: Seen,
+    /// Its first place among what was drawn.
+    first: usize,
+}
+
+/// A cluster from which one light is to be drawn.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pick {
+    pub(crate) cluster: Cluster,
+    /// The cluster of the cut that holds it.
+    pub(crate) of: u32,
+    /// Whether all it holds is far off.
+    pub(crate) is_far: bool,
+    pub(crate) expected: f64,
+    /// A cluster of this weight is picked once on average.
+    pub(crate) step: f64,
+    /// Chooses within the cluster.
+    pub(crate) u: f64,
+}
+
+impl Pick {
+    /// `light`, to which the pick has led.
+    #[inline]
+    fn drawn(&self, light: LightId) -> Drawn {
+        Drawn {
+            light,
+            expected: self.expected,
+            cluster: self.of,
+            weight: self.expected * self.step,
+        }
+    }
+}
+
+/// A pick under way.
+#[derive(Debug, Clone, Copy)]
+struct Descent {
+    pick: Pick,
+    /// Place among the points.
+    point: u32,
+    /// Place among what is drawn.
+    slot: u32,
 }
 
 /// What lights of a block's clusters are drawn by.
@@ -24,6 +86,13 @@ pub(crate) struct Shares {
     pub(crate) weights: Lanes,
     /// As [`Weighed::alike`](crate::block::Weighed::alike).
     pub(crate) alike: Lanes,
+}
+
+impl Shares {
+    const NONE: Self = Self {
+        weights: [0.0; WIDTH],
+        alike: [0.0; WIDTH],
+    };
 }
 
 /// A lane of a block that was chosen.
@@ -36,70 +105,112 @@ struct Chosen {
     u: f64,
 }
 
-impl WideTree {
-    /// Draws one light for each of the picks, all descending side by side so that the memory latencies of one hide
-    /// behind the others'. A cluster of weight `step` is picked once on average.
-    pub(crate) fn descend_all(&self, receiver: &Receiver, step: f64, draws: &mut Draws) {
-        by_width!(
-            self.descend_all_avx2(receiver, step, draws),
-            self.descend_all_with(receiver, step, draws)
-        )
+impl Chosen {
+    const NONE: Self = Self {
+        lane: 0,
+        pmf: 0.0,
+        u: 0.0,
+    };
+}
+
+/// Descents that take a step together: all weigh, then all choose, before any branch. A wrong guess of one then throws away
+/// nothing of the next.
+const TOGETHER: usize = 16;
+
+impl Descents {
+    /// Forgets all points.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.drawn.clear();
+        self.near.clear();
+        self.far.clear();
+    }
+
+    /// What was drawn for the `i`-th point since the last [`clear`](Self::clear), after [`descend`](Self::descend): the same light
+    /// perhaps more than once, and `None` where a draw ended in a cluster that cannot light it.
+    pub fn drawn(&self, i: usize) -> &[Option<Drawn>] {
+        let end = self
+            .points
+            .get(i + 1)
+            .map_or(self.drawn.len(), |next| next.first);
+        &self.drawn[self.points[i].first..end]
+    }
+
+    /// Begins a point, whose lights the following ones are.
+    pub(crate) fn add_point(&mut self, tree: &WideTree, receiver: &Receiver) {
+        self.points.push(Point {
+            receiver: *receiver,
+            seen: tree.seen(receiver),
+            first: self.drawn.len(),
+        });
+    }
+
+    /// Adds a light of the last point.
+    pub(crate) fn take(&mut self, drawn: Drawn) {
+        self.drawn.push(Some(drawn));
+    }
+
+    /// Adds a pick of the last point, and asks for what its first step reads.
+    pub(crate) fn pick(&mut self, tree: &WideTree, pick: Pick) {
+        let descent = Descent {
+            pick,
+            point: self.points.len() as u32 - 1,
+            slot: self.drawn.len() as u32,
+        };
+        let light = pick.cluster.light();
+        self.drawn.push(light.map(|light| pick.drawn(light)));
+        if light.is_none() {
+            ask(tree, &pick);
+            match pick.is_far {
+                true => self.far.push(descent),
+                false => self.near.push(descent),
+            }
+        }
+    }
+
+    /// Goes on with all picks to their lights.
+    pub fn descend(&mut self, tree: &WideTree) {
+        by_width!(self.descend_avx2(tree), self.descend_with(tree))
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn descend_all_avx2(&self, receiver: &Receiver, step: f64, draws: &mut Draws) {
-        self.descend_all_with(receiver, step, draws);
+    fn descend_avx2(&mut self, tree: &WideTree) {
+        self.descend_with(tree);
     }
 
     #[inline(always)]
-    fn descend_all_with(&self, receiver: &Receiver, step: f64, draws: &mut Draws) {
-        let Draws {
-            picks,
-            lights,
-            dead,
-            descents,
-            ..
-        } = draws;
-        let Descents {
+    fn descend_with(&mut self, tree: &WideTree) {
+        let Self {
+            points,
+            drawn,
             near,
             far,
-            shares,
-            chosen,
-        } = descents;
-        near.clear();
-        far.clear();
-        for &pick in picks.iter() {
-            match pick.cluster.light() {
-                Some(light) => lights.push(pick.drawn(light, step)),
-                None => self.go_on(pick, near, far),
-            }
-        }
-        let seen = self.seen(receiver);
+        } = self;
+        let (mut shares, mut chosen) = ([Shares::NONE; TOGETHER], [Chosen::NONE; TOGETHER]);
         while !near.is_empty() {
-            // All are weighed, then all choose, before any branch: the processor works on several at once.
-            shares.clear();
-            for pick in near.iter() {
-                shares.push(self.shares(pick.cluster.0 as usize, receiver, &seen, false));
-            }
-            chosen.clear();
-            for (pick, shares) in near.iter().zip(shares.iter()) {
-                chosen.push(choose(&shares.weights, pick.u));
-            }
-            let count = near.len();
             let mut kept = 0;
-            for i in 0..count {
-                let Chosen { lane, .. } = chosen[i];
-                let mut pick = near[i];
-                pick.is_far = shares[i].alike[lane] > 0.0;
-                if self.step(&mut pick, chosen[i], step, lights, dead) {
-                    match pick.is_far {
-                        true => self.go_on(pick, near, far),
-                        false => {
-                            prefetch(self.blocks.get(pick.cluster.0 as usize));
-                            near[kept] = pick;
-                            kept += 1;
+            for from in (0..near.len()).step_by(TOGETHER) {
+                let count = TOGETHER.min(near.len() - from);
+                for k in 0..count {
+                    let Descent { pick, point, .. } = &near[from + k];
+                    let Point { receiver, seen, .. } = &points[*point as usize];
+                    shares[k] = tree.shares(pick.cluster.0 as usize, receiver, seen, false);
+                }
+                for k in 0..count {
+                    chosen[k] = choose(&shares[k].weights, near[from + k].pick.u);
+                }
+                for k in 0..count {
+                    let mut descent = near[from + k];
+                    descent.pick.is_far = shares[k].alike[chosen[k].lane] > 0.0;
+                    if step(tree, &mut descent, chosen[k], drawn) {
+                        match descent.pick.is_far {
+                            true => far.push(descent),
+                            false => {
+                                near[kept] = descent;
+                                kept += 1;
+                            }
                         }
                     }
                 }
@@ -107,68 +218,66 @@ impl WideTree {
             near.truncate(kept);
         }
         while !far.is_empty() {
-            chosen.clear();
-            for pick in far.iter() {
-                chosen.push(choose(
-                    &self.blocks[pick.cluster.0 as usize].intensity,
-                    pick.u,
-                ));
-            }
             let mut kept = 0;
-            for i in 0..far.len() {
-                let mut pick = far[i];
-                if self.step(&mut pick, chosen[i], step, lights, dead) {
-                    let next = self.blocks.get(pick.cluster.0 as usize);
-                    prefetch(next.map(|block| &block.intensity));
-                    far[kept] = pick;
-                    kept += 1;
+            for from in (0..far.len()).step_by(TOGETHER) {
+                let count = TOGETHER.min(far.len() - from);
+                for k in 0..count {
+                    let pick = &far[from + k].pick;
+                    chosen[k] = choose(&tree.blocks[pick.cluster.0 as usize].intensity, pick.u);
+                }
+                for k in 0..count {
+                    let mut descent = far[from + k];
+                    if step(tree, &mut descent, chosen[k], drawn) {
+                        far[kept] = descent;
+                        kept += 1;
+                    }
                 }
             }
             far.truncate(kept);
         }
     }
+}
 
-    /// Adds a pick of a block to those under way, and asks for what its next step reads.
-    #[inline(always)]
-    fn go_on(&self, pick: Pick, near: &mut Vec<Pick>, far: &mut Vec<Pick>) {
-        let block = self.blocks.get(pick.cluster.0 as usize);
-        if pick.is_far {
-            prefetch(block.map(|block| &block.intensity));
-            far.push(pick);
-        } else {
-            prefetch(block);
-            near.push(pick);
+/// Takes a descent to the chosen cluster of its block, and asks for what the next step reads. Whether there is one: else it has led
+/// to a light, or to nothing.
+#[inline(always)]
+fn step(
+    tree: &WideTree,
+    descent: &mut Descent,
+    chosen: Chosen,
+    drawn: &mut [Option<Drawn>],
+) -> bool {
+    let pick = &mut descent.pick;
+    pick.expected *= chosen.pmf;
+    pick.u = chosen.u;
+    // Nothing is lit, or a product of hundreds of tiny probabilities has underflowed: such a light cannot be told from none.
+    if !(pick.expected > 0.0) {
+        return false;
+    }
+    pick.cluster = tree.blocks[pick.cluster.0 as usize].clusters[chosen.lane];
+    match pick.cluster.light() {
+        Some(light) => {
+            drawn[descent.slot as usize] = Some(pick.drawn(light));
+            false
+        }
+        None => {
+            ask(tree, pick);
+            true
         }
     }
+}
 
-    /// Takes a pick to the chosen cluster of its block. Whether it goes on from there: else it has led to a light, or to nothing.
-    #[inline(always)]
-    fn step(
-        &self,
-        pick: &mut Pick,
-        chosen: Chosen,
-        step: f64,
-        lights: &mut Vec<Drawn>,
-        dead: &mut u32,
-    ) -> bool {
-        let block = &self.blocks[pick.cluster.0 as usize];
-        pick.expected *= chosen.pmf;
-        pick.u = chosen.u;
-        pick.cluster = block.clusters[chosen.lane];
-        // Nothing is lit, or a product of hundreds of tiny probabilities has underflowed: such a light cannot be told from none.
-        if !(pick.expected > 0.0) {
-            *dead += 1;
-            return false;
-        }
-        match pick.cluster.light() {
-            Some(light) => {
-                lights.push(pick.drawn(light, step));
-                false
-            }
-            None => true,
-        }
+/// Asks for what the next step of a pick reads of its block.
+#[inline(always)]
+fn ask(tree: &WideTree, pick: &Pick) {
+    let block = tree.blocks.get(pick.cluster.0 as usize);
+    match pick.is_far {
+        true => prefetch(block.map(|block| &block.intensity)),
+        false => prefetch(block),
     }
+}
 
+impl WideTree {
     /// What lights of a block's clusters are drawn by: their weights, or where all that the block holds is far off, their
     /// intensities.
     #[inline(always)]

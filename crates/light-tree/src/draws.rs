@@ -1,29 +1,15 @@
-//! What is drawn from a shared cut.
+//! What lights are drawn by.
 
 use std::ops::Range;
 
-use crate::block::{Cluster, Lanes, WIDTH};
+use crate::block::{Lanes, WIDTH};
 use crate::bounds::Receiver;
-use crate::descent::{Descents, lane_at, running_sums};
-use crate::light::LightId;
+use crate::descent::{Descents, Drawn, Pick, lane_at, running_sums};
 use crate::opening::{Opening, Row};
 use crate::shared_cut::SharedCut;
 use crate::wide::WideTree;
 
-/// A light that was drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drawn {
-    /// Which light.
-    pub light: LightId,
-    /// How often it is drawn on average, > 0: 1 over it makes the estimate unbiased.
-    pub expected: f64,
-    /// The cluster of the cut that it is in.
-    pub cluster: u32,
-    /// What it is expected to bring: its share of the weight of its cluster.
-    pub weight: f64,
-}
-
-/// Weights, picks and lights of one receiver, or of those that it stands for; memory is kept from receiver to receiver.
+/// What the lights of one receiver, or of those that it stands for, are drawn by; memory is kept from receiver to receiver.
 #[derive(Debug, Default)]
 pub struct Draws {
     pub(crate) weights: Vec<Lanes>,
@@ -45,10 +31,6 @@ pub struct Draws {
     /// Running sums of these, row by row.
     sums: Vec<f64>,
     settled: Settled,
-    pub(crate) picks: Vec<Pick>,
-    pub(crate) lights: Vec<Drawn>,
-    pub(crate) dead: u32,
-    pub(crate) descents: Descents,
 }
 
 /// What all points have in common: the rows that are not near.
@@ -62,46 +44,10 @@ struct Settled {
     samples: u32,
 }
 
-/// A cluster from which one light is to be drawn.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Pick {
-    pub(crate) cluster: Cluster,
-    /// The cluster of the cut that holds it.
-    pub(crate) of: u32,
-    /// Whether all it holds is far off.
-    pub(crate) is_far: bool,
-    pub(crate) expected: f64,
-    /// Chooses within the cluster.
-    pub(crate) u: f64,
-}
-
-impl Pick {
-    /// `light`, to which the pick has led; a cluster of weight `step` is picked once on average.
-    #[inline]
-    pub(crate) fn drawn(&self, light: LightId, step: f64) -> Drawn {
-        Drawn {
-            light,
-            expected: self.expected,
-            cluster: self.of,
-            weight: self.expected * step,
-        }
-    }
-}
-
 impl Draws {
-    /// The lights that were drawn; the same one may be among them more than once.
-    pub fn lights(&self) -> &[Drawn] {
-        &self.lights
-    }
-
     /// What the `i`-th cluster is expected to bring, after [`SharedCut::weigh`].
     pub fn weight(&self, i: usize) -> f32 {
         self.weights[i / WIDTH][i % WIDTH]
-    }
-
-    /// How many draws ended in a cluster that cannot light the receiver.
-    pub fn dead(&self) -> u32 {
-        self.dead
     }
 
     /// Multiplies the weights by `factors`, > 0, one for each cluster, or none at all.
@@ -141,7 +87,7 @@ impl Draws {
             }
             let bar = (*total + near) / f64::from(*samples);
             let rows = self.rows[far.clone()].iter().zip(&mut self.left);
-            let taken = take_certain(cut, tree, rows, bar, certain);
+            let taken = take_certain(cut, tree, rows, bar, |drawn| certain.push(drawn));
             if taken == 0 {
                 return;
             }
@@ -150,19 +96,19 @@ impl Draws {
         }
     }
 
-    /// Takes what is certain for `receiver`, and picks clusters for what is not: [`SharedCut::draw`] but for the descent.
-    /// Returns the weight of which one light is drawn.
-    pub(crate) fn pick_all(
+    /// [`SharedCut::pick`].
+    pub(crate) fn pick(
         &mut self,
         cut: &SharedCut,
         tree: &WideTree,
         receiver: &Receiver,
         u: f64,
-    ) -> f64 {
-        self.picks.clear();
-        self.dead = 0;
-        self.lights.clear();
-        self.lights.extend_from_slice(&self.settled.certain);
+        descents: &mut Descents,
+    ) {
+        descents.add_point(tree, receiver);
+        for &certain in &self.settled.certain {
+            descents.take(certain);
+        }
         let near = self.rows.len() - self.near..self.rows.len();
         if !near.is_empty() {
             cut.weigh_near(tree, receiver, self);
@@ -171,16 +117,16 @@ impl Draws {
         loop {
             let total = self.sum(near.clone(), self.settled.total);
             if total <= 0.0 {
-                return 0.0;
+                return;
             }
             let step = total / f64::from(samples);
             let rows = self.rows[near.clone()]
                 .iter()
                 .zip(&mut self.left[near.clone()]);
-            let taken = take_certain(cut, tree, rows, step, &mut self.lights);
+            let taken = take_certain(cut, tree, rows, step, |drawn| descents.take(drawn));
             if taken == 0 {
-                self.pick(cut, tree, samples, u, step);
-                return step;
+                self.pick_evenly(cut, tree, samples, u, step, descents);
+                return;
             }
             samples = samples.saturating_sub(taken).max(1);
         }
@@ -197,7 +143,15 @@ impl Draws {
     }
 
     /// Picks clusters at distances `step` along their weights.
-    fn pick(&mut self, cut: &SharedCut, tree: &WideTree, count: u32, u: f64, step: f64) {
+    fn pick_evenly(
+        &self,
+        cut: &SharedCut,
+        tree: &WideTree,
+        count: u32,
+        u: f64,
+        step: f64,
+        descents: &mut Descents,
+    ) {
         // Below the sum also where the product rounds up to it: behind it there may be nothing with a weight.
         let end = self.sums.last().map_or(0.0, |sum| sum.next_down());
         for i in 0..count {
@@ -211,13 +165,17 @@ impl Draws {
             let weights = &self.left[block];
             let (lane, w, u) = lane_at(weights, &running_sums(weights), at - before);
             let row = self.rows[block];
-            self.picks.push(Pick {
-                cluster: cut.clusters(tree, row)[lane],
-                of: row.cluster(lane),
-                is_far: row.is_far(lane),
-                expected: w / step,
-                u,
-            });
+            descents.pick(
+                tree,
+                Pick {
+                    cluster: cut.clusters(tree, row)[lane],
+                    of: row.cluster(lane),
+                    is_far: row.is_far(lane),
+                    expected: w / step,
+                    step,
+                    u,
+                },
+            );
         }
     }
 }
@@ -234,7 +192,7 @@ fn take_certain<'a>(
     tree: &WideTree,
     rows: impl Iterator<Item = (&'a Row, &'a mut Lanes)>,
     bar: f64,
-    lights: &mut Vec<Drawn>,
+    mut take: impl FnMut(Drawn),
 ) -> u32 {
     let mut taken = 0;
     for (row, weights) in rows {
@@ -247,7 +205,7 @@ fn take_certain<'a>(
                 && let Some(light) = cluster.light()
             {
                 taken += 1;
-                lights.push(Drawn {
+                take(Drawn {
                     light,
                     expected: 1.0,
                     cluster: row.cluster(lane),

@@ -294,6 +294,7 @@ mod tests {
     use sampling::{Purpose, Rng, ggx_density};
 
     use super::*;
+    use crate::descent::Descents;
     use crate::lobe::Lobe;
     use crate::test_lights::{
         any_lights, any_receiver, contribution, lights_on_walls, receiver, wide,
@@ -364,7 +365,7 @@ mod tests {
         brings: impl Fn(crate::LightId) -> f64,
     ) -> (f64, f64, f64) {
         let rounds = 20_000;
-        let mut draws = Draws::default();
+        let (mut draws, mut descents) = (Draws::default(), Descents::default());
         let mut rng = Rng::new(5, 0, 0, Purpose::Lights);
         let (mut sum, mut squares) = (0.0, 0.0);
         for _ in 0..rounds {
@@ -373,8 +374,8 @@ mod tests {
                 cut.open(tree, x, 5, 1, &mut draws);
             }
             cut.settle(tree, 5, &mut draws);
-            cut.draw(tree, x, rng.f64(), &mut draws);
-            let drawn = draws.lights().iter();
+            let drawn = cut.draw(tree, x, rng.f64(), &mut draws, &mut descents);
+            let drawn = drawn.iter().flatten();
             let value: f64 = drawn.map(|d| brings(d.light) / d.expected).sum();
             sum += value;
             squares += value * value;

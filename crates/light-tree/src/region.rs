@@ -32,6 +32,7 @@ mod tests {
     use super::*;
     use crate::block::Cluster;
     use crate::bounds::Receiver;
+    use crate::descent::Descents;
     use crate::draws::Draws;
     use crate::light::LightId;
     use crate::lobe::Lobe;
@@ -164,7 +165,7 @@ mod tests {
             let centre = centre.with_region(REGION);
             let mut cut = SharedCut::default();
             cut.refine(&tree, &[centre], 30);
-            let mut draws = Draws::default();
+            let (mut draws, mut descents) = (Draws::default(), Descents::default());
             cut.weigh(&tree, &centre, &mut draws);
             let factors: Vec<f32> = (0..cut.len()).map(|i| 0.5 + (i % 4) as f32).collect();
             draws.scale(&factors);
@@ -185,8 +186,8 @@ mod tests {
                 let mut rng = Rng::new(5, 0, 0, Purpose::Lights);
                 let (mut sum, mut squares) = (0.0, 0.0);
                 for _ in 0..rounds {
-                    cut.draw(&tree, &x, rng.f64(), &mut draws);
-                    let drawn = draws.lights().iter();
+                    let drawn = cut.draw(&tree, &x, rng.f64(), &mut draws, &mut descents);
+                    let drawn = drawn.iter().flatten();
                     let estimate: f64 = drawn.map(|d| brings(d.light) / d.expected).sum();
                     sum += estimate;
                     squares += estimate * estimate;

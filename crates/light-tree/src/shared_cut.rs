@@ -5,7 +5,8 @@ use std::collections::BinaryHeap;
 
 use crate::block::{Block, Cluster, Lanes, Seen, WIDTH};
 use crate::bounds::Receiver;
-use crate::draws::{Drawn, Draws, Pick};
+use crate::descent::{Descents, Drawn, Pick};
+use crate::draws::Draws;
 use crate::opening::Row;
 use crate::wide::WideTree;
 
@@ -166,27 +167,28 @@ impl SharedCut {
             .extend(rows.map(|(b, alike)| Row::of_cut(b, alike)));
     }
 
-    /// Draws one light from the `i`-th cluster; `None` when nothing in it can light the receiver.
-    pub fn draw_within(
+    /// Draws one light from each of these clusters, with a random number in [0, 1) each, for a point that `draws` was weighed for:
+    /// one more in `descents`.
+    pub fn pick_within(
         &self,
         tree: &WideTree,
         receiver: &Receiver,
-        i: usize,
-        u: f64,
-        draws: &mut Draws,
-    ) -> Option<Drawn> {
-        draws.lights.clear();
-        draws.picks.clear();
-        draws.dead = 0;
-        draws.picks.push(Pick {
-            cluster: self.cluster(i),
-            of: i as u32,
-            is_far: draws.rows[i / WIDTH].is_far(i % WIDTH),
-            expected: 1.0,
-            u,
-        });
-        tree.descend_all(receiver, f64::from(draws.weight(i)), draws);
-        draws.lights.first().copied()
+        clusters: impl Iterator<Item = (usize, f64)>,
+        draws: &Draws,
+        descents: &mut Descents,
+    ) {
+        descents.add_point(tree, receiver);
+        for (i, u) in clusters {
+            let pick = Pick {
+                cluster: self.cluster(i),
+                of: i as u32,
+                is_far: draws.rows[i / WIDTH].is_far(i % WIDTH),
+                expected: 1.0,
+                step: draws.weight(i).into(),
+                u,
+            };
+            descents.pick(tree, pick);
+        }
     }
 
     /// Sees to what all points of the receiver's region have in common when `samples` ≥ 1 lights are drawn for each.
@@ -196,16 +198,36 @@ impl SharedCut {
         draws.settle(self, tree, samples);
     }
 
-    /// Draws so many lights as were [`settled`](Self::settle), or a few more or less, in proportion to their weights;
-    /// [`Draws::lights`] has them. `receiver` is the point that was weighed, or one of its region, without a region of its
-    /// own.
+    /// Draws so many lights as were [`settled`](Self::settle), or a few more or less, in proportion to their weights, for one more
+    /// point in `descents`. `receiver` is the point that was weighed, or one of its region, without a region of its own.
     ///
     /// A light that would be drawn at least once is taken once for certain; the others are drawn at even distances along
     /// the clusters, from a start that `u` in [0, 1) chooses. So numbers `u` that are spread evenly over [0, 1) spread
     /// the lights that they draw evenly over the tree.
-    pub fn draw(&self, tree: &WideTree, receiver: &Receiver, u: f64, draws: &mut Draws) {
-        let step = draws.pick_all(self, tree, receiver, u);
-        tree.descend_all(receiver, step, draws);
+    pub fn pick(
+        &self,
+        tree: &WideTree,
+        receiver: &Receiver,
+        u: f64,
+        draws: &mut Draws,
+        descents: &mut Descents,
+    ) {
+        draws.pick(self, tree, receiver, u, descents);
+    }
+
+    /// [`pick`](Self::pick) for one point alone, to the end.
+    pub fn draw<'a>(
+        &self,
+        tree: &WideTree,
+        receiver: &Receiver,
+        u: f64,
+        draws: &mut Draws,
+        descents: &'a mut Descents,
+    ) -> &'a [Option<Drawn>] {
+        descents.clear();
+        self.pick(tree, receiver, u, draws, descents);
+        descents.descend(tree);
+        descents.drawn(0)
     }
 }
 
@@ -290,15 +312,16 @@ mod tests {
             for (size, samples) in [(1, 3), (20, 10), (150, 40)] {
                 let mut cut = SharedCut::default();
                 cut.refine(&tree, &[receiver(PLACES[0])], size);
-                let mut draws = Draws::default();
+                let (mut draws, mut descents) = (Draws::default(), Descents::default());
                 let mut rng = Rng::new(1, 0, 0, Purpose::Lights);
                 let mut times = vec![0u32; lights.len()];
                 let mut expected = vec![None; lights.len()];
                 for _ in 0..rounds {
                     cut.weigh(&tree, &receiver(at), &mut draws);
                     cut.settle(&tree, samples, &mut draws);
-                    cut.draw(&tree, &receiver(at), rng.f64(), &mut draws);
-                    for drawn in draws.lights() {
+                    let drawn =
+                        cut.draw(&tree, &receiver(at), rng.f64(), &mut draws, &mut descents);
+                    for drawn in drawn.iter().flatten() {
                         times[drawn.light.index()] += 1;
                         let known = expected[drawn.light.index()].get_or_insert(drawn.expected);
                         assert!(
@@ -333,17 +356,17 @@ mod tests {
             for size in [1, 60] {
                 let mut cut = SharedCut::default();
                 cut.refine(&tree, &[receiver(PLACES[1])], size);
-                let mut draws = Draws::default();
+                let (mut draws, mut descents) = (Draws::default(), Descents::default());
                 let mut rng = Rng::new(2, 0, 0, Purpose::Lights);
                 let (mut sum, mut squares) = (0.0, 0.0);
                 let rounds = 20_000;
                 for _ in 0..rounds {
                     cut.weigh(&tree, &receiver(at), &mut draws);
                     cut.settle(&tree, 5, &mut draws);
-                    cut.draw(&tree, &receiver(at), rng.f64(), &mut draws);
-                    let estimate: f64 = draws
-                        .lights()
+                    let estimate: f64 = cut
+                        .draw(&tree, &receiver(at), rng.f64(), &mut draws, &mut descents)
                         .iter()
+                        .flatten()
                         .map(|d| contribution(&lights, d.light, at.0, at.1) / d.expected)
                         .sum();
                     sum += estimate;
@@ -373,16 +396,16 @@ mod tests {
         let at = receiver((Vec3::ZERO, Vec3::Y));
         let mut cut = SharedCut::default();
         cut.refine(&tree, &[at], 64);
-        let mut draws = Draws::default();
+        let (mut draws, mut descents) = (Draws::default(), Descents::default());
         for u in [0.0, 0.3, BELOW_ONE] {
             cut.weigh(&tree, &at, &mut draws);
             cut.settle(&tree, 10, &mut draws);
-            cut.draw(&tree, &at, u, &mut draws);
-            let mut ids: Vec<_> = draws.lights().iter().map(|d| d.light.0).collect();
+            let drawn = cut.draw(&tree, &at, u, &mut draws, &mut descents);
+            let mut ids: Vec<_> = drawn.iter().flatten().map(|d| d.light.0).collect();
             ids.sort_unstable();
             assert_eq!(ids, (0..10).collect::<Vec<_>>(), "u = {u}");
             assert!(
-                draws.lights().iter().all(|d| d.expected == 1.0),
+                drawn.iter().flatten().all(|d| d.expected == 1.0),
                 "all for certain"
             );
         }
@@ -399,13 +422,13 @@ mod tests {
         let at = receiver((Vec3::ZERO, Vec3::Y));
         let mut cut = SharedCut::default();
         cut.refine(&tree, &[at], 128);
-        let mut draws = Draws::default();
+        let (mut draws, mut descents) = (Draws::default(), Descents::default());
         cut.weigh(&tree, &at, &mut draws);
         cut.settle(&tree, 10, &mut draws);
-        cut.draw(&tree, &at, 0.5, &mut draws);
-        let bright = draws.lights().iter().filter(|d| d.light.0 == 0).count();
-        assert_eq!(bright, 1, "{:?}", draws.lights());
-        assert!(draws.lights().len() >= 10, "{:?}", draws.lights());
+        let drawn = cut.draw(&tree, &at, 0.5, &mut draws, &mut descents);
+        let bright = drawn.iter().flatten().filter(|d| d.light.0 == 0).count();
+        assert_eq!(bright, 1, "{drawn:?}");
+        assert!(drawn.len() >= 10, "{drawn:?}");
     }
 
     #[test]
@@ -415,15 +438,14 @@ mod tests {
         let at = PLACES[0];
         let mut cut = SharedCut::default();
         cut.refine(&tree, &[receiver(at)], 100);
-        let mut draws = Draws::default();
+        let (mut draws, mut descents) = (Draws::default(), Descents::default());
         let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
         let mut estimate = |u: f64| -> f64 {
             cut.weigh(&tree, &receiver(at), &mut draws);
             cut.settle(&tree, 10, &mut draws);
-            cut.draw(&tree, &receiver(at), u, &mut draws);
-            draws
-                .lights()
+            cut.draw(&tree, &receiver(at), u, &mut draws, &mut descents)
                 .iter()
+                .flatten()
                 .map(|d| contribution(&lights, d.light, at.0, at.1) / d.expected)
                 .sum()
         };

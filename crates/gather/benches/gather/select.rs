@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::iter::repeat;
 
 use criterion::Criterion;
-use light_tree::{Cuts, DeadBranch, Draws, NodeWeights, Receiver, SharedCut, Start};
+use light_tree::{Cuts, DeadBranch, Descents, Draws, NodeWeights, Receiver, SharedCut, Start};
 use manylight_gather::GatherPoint;
 use sampling::{Purpose, Rng};
 
@@ -77,14 +77,14 @@ fn shared_cut(c: &mut Criterion, view: &View) {
             .flat_map(|(cut, points)| repeat(cut).zip(points));
         let mut points = points.cycle();
         let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
-        let mut draws = Draws::default();
+        let (mut draws, mut descents) = (Draws::default(), Descents::default());
         b.iter(|| {
             let (cut, x) = points.next().expect("sees something");
             cut.weigh(tree, x, &mut draws);
             cut.open(tree, x, SAMPLES as u32, 1, &mut draws);
             cut.settle(tree, SAMPLES as u32, &mut draws);
-            cut.draw(tree, x, rng.f64(), &mut draws);
-            black_box(draws.lights().len())
+            let drawn = cut.draw(tree, x, rng.f64(), &mut draws, &mut descents);
+            black_box(drawn.len())
         });
     });
     group.finish();

@@ -73,7 +73,7 @@ impl Visitor for Estimate<'_> {
             is_milestone: true,
             centres: &[Some(centre)],
             probe_stream: &choice,
-            stream: &|_, _| choice.clone(),
+            stream: &|_, _, _| choice.clone(),
         };
         method.begin_tile(&tile, &mut queue, &mut Learned::default(), &mut scratch);
         queue.begin_points(2, Rng::extreme(self.surface));

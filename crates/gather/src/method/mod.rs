@@ -1,6 +1,7 @@
 //! The methods, one a file, and the list of them.
 
 mod adaptive_splitting;
+mod ahead;
 mod all_lights;
 mod count;
 mod fraction;

@@ -147,7 +147,7 @@ mod tests {
                 })
             })
             .collect();
-        let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
+        let stream = |slot, _, purpose| Rng::new(3, u64::from(slot), 0, purpose);
         let mut patches = Patches::default();
         patches.find(&TilePoints {
             points: &[],
@@ -155,7 +155,7 @@ mod tests {
             samples: 4,
             is_milestone: true,
             centres: &centres,
-            probe_stream: &stream(0, Purpose::Probe),
+            probe_stream: &stream(0, 0, Purpose::Probe),
             stream: &stream,
         });
         let slots = centres.iter().enumerate();

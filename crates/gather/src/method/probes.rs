@@ -7,7 +7,7 @@
 //! What is in the way differs from pixel to pixel. Each block of a few pixels has factors of its own, by what came of the
 //! lights that were drawn for it; what it has not tried it takes from the tile, and that from its probes.
 
-use light_tree::{Draws, SharedCut, WideTree, luminance};
+use light_tree::{Descents, Draws, SharedCut, WideTree, luminance};
 use sampling::Rng;
 
 use crate::learned::{Learned, Probed};
@@ -30,27 +30,35 @@ pub(super) fn probe<E: LightEval>(
     eval: &mut E,
     rng: &mut Rng,
     draws: &mut Draws,
+    descents: &mut Descents,
 ) -> Probed {
     let mut clusters = vec![Cluster::default(); cut.len()];
     let shifts: Vec<f64> = clusters.iter().map(|_| rng.f64()).collect();
     for (j, x) in pilots.iter().enumerate() {
         let albedo = f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo))));
         cut.weigh(tree, &x.receiver, draws);
-        for (i, (cluster, shift)) in clusters.iter_mut().zip(&shifts).enumerate() {
-            let weight = f64::from(draws.weight(i));
-            // A black pilot has nothing to say.
-            let expected = weight * albedo;
-            if expected <= 0.0 {
-                continue;
-            }
-            cluster.probes += 1.0;
-            cluster.weight += weight;
-            let u = (shift + j as f64 * GOLDEN).fract();
-            if let Some(drawn) = cut.draw_within(tree, &x.receiver, i, u, draws) {
-                let light = f64::from(luminance(eval.radiance(x, drawn.light)));
-                let share = light / (drawn.weight * albedo);
-                cluster.squares += share * share;
-            }
+        let weight = |i: usize| f64::from(draws.weight(i));
+        // A black pilot has nothing to say.
+        let probed = shifts
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| weight(*i) * albedo > 0.0);
+        for (i, _) in probed.clone() {
+            clusters[i].probes += 1.0;
+            clusters[i].weight += weight(i);
+        }
+        let numbers = probed.map(|(i, shift)| (i, (shift + j as f64 * GOLDEN).fract()));
+        descents.clear();
+        cut.pick_within(tree, &x.receiver, numbers, draws, descents);
+        descents.descend(tree);
+        let drawn = descents.drawn(0).iter().flatten();
+        for drawn in drawn.clone() {
+            eval.expect(drawn.light);
+        }
+        for drawn in drawn {
+            let light = f64::from(luminance(eval.radiance(x, drawn.light)));
+            let share = light / (drawn.weight * albedo);
+            clusters[drawn.cluster as usize].squares += share * share;
         }
     }
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -161,10 +169,19 @@ mod tests {
         let mut memory = QueueScratch::default();
         let mut queue = ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
         let (mut cut, mut draws) = (SharedCut::default(), Draws::default());
+        let mut descents = Descents::default();
         let receivers: Vec<_> = pilots.iter().map(|x| x.receiver).collect();
         cut.refine(tree, &receivers, 128);
         let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
-        let probed = probe(&cut, tree, &pilots, &mut queue, rng, &mut draws);
+        let probed = probe(
+            &cut,
+            tree,
+            &pilots,
+            &mut queue,
+            rng,
+            &mut draws,
+            &mut descents,
+        );
         let factors: Vec<_> = probed.factors().collect();
         assert_eq!(factors.len(), cut.len());
         assert!(factors.iter().all(|f| f.is_finite() && *f > 0.0));
@@ -176,8 +193,9 @@ mod tests {
                 cut.weigh(tree, &x.receiver, &mut draws);
                 draws.scale(factors);
                 cut.settle(tree, 1, &mut draws);
-                cut.draw(tree, &x.receiver, rng.f64(), &mut draws);
-                let drawn = draws.lights().iter();
+                let u = rng.f64();
+                let drawn = cut.draw(tree, &x.receiver, u, &mut draws, &mut descents);
+                let drawn = drawn.iter().flatten();
                 let estimate: f64 = drawn
                     .map(|d| f64::from(luminance(queue.radiance(x, d.light))) / d.expected)
                     .sum();
@@ -255,11 +273,20 @@ mod tests {
         let shape = VirtualShape::Sphere;
         let mut queue = ShadowQueue::new(&scene, &inputs.lights, &tracer, shape, 0, &mut memory);
         let (mut cut, mut draws) = (SharedCut::default(), Draws::default());
+        let mut descents = Descents::default();
         cut.refine(tree, &[pilots[0].receiver], 8);
         let rng = &mut Rng::new(6, 0, 0, Purpose::Probe);
         let on_floor = &pilots[..1];
         for pilots in [on_floor, &[]] {
-            let probed = probe(&cut, tree, pilots, &mut queue, rng, &mut draws);
+            let probed = probe(
+                &cut,
+                tree,
+                pilots,
+                &mut queue,
+                rng,
+                &mut draws,
+                &mut descents,
+            );
             let factors: Vec<_> = probed.factors().collect();
             assert_eq!(factors, vec![1.0; cut.len()], "{} pilots", pilots.len());
             assert_eq!(probed.typical, 0.0);

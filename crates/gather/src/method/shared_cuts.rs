@@ -109,7 +109,7 @@ impl SharedCuts {
         for (x, (i, block)) in tile.points.iter().zip(self.blocks.iter().enumerate()) {
             let Some(block) = *block else { continue };
             let left = left[block].get_or_insert_with(|| {
-                let u = (tile.stream)(x.slot, Purpose::Pivot).f64();
+                let u = (tile.stream)(x.slot, 0, Purpose::Pivot).f64();
                 i64::from(self.members[block]) - (u * f64::from(self.members[block])) as i64
             });
             *left -= 1;
@@ -166,14 +166,14 @@ mod tests {
                     ..seven[(slot / SAMPLES) as usize]
                 })
                 .collect();
-            let stream = |slot: u32, purpose| Rng::new(41, u64::from(slot), 0, purpose);
+            let stream = |slot: u32, _, purpose| Rng::new(41, u64::from(slot), 0, purpose);
             let tile = TilePoints {
                 centres: &[],
                 points: &points,
                 width: 16,
                 samples: SAMPLES,
                 is_milestone: true,
-                probe_stream: &stream(0, Purpose::Probe),
+                probe_stream: &stream(0, 0, Purpose::Probe),
                 stream: &stream,
             };
             let mut memory = QueueScratch::default();
@@ -189,8 +189,8 @@ mod tests {
             let mut scratch = Default::default();
             method.begin_tile(&tile, &mut queue, &mut Learned::default(), &mut scratch);
             for x in &points {
-                queue.begin_point(stream(x.slot, Purpose::LightSurface));
-                let mut rng = stream(x.slot, Purpose::Lights);
+                queue.begin_point(stream(x.slot, 0, Purpose::LightSurface));
+                let mut rng = stream(x.slot, 0, Purpose::Lights);
                 method.point(x, &mut queue, &mut rng, &mut scratch);
                 queue.end_point();
             }
@@ -232,14 +232,14 @@ mod tests {
         let mut picked = [0; 4];
         let mut shared = SharedCuts::default();
         for seed in 0..1000 {
-            let stream = |slot: u32, purpose| Rng::new(seed, u64::from(slot), 0, purpose);
+            let stream = |slot: u32, _, purpose| Rng::new(seed, u64::from(slot), 0, purpose);
             let tile = TilePoints {
                 centres: &[],
                 points: &points,
                 width: 4,
                 samples: 1,
                 is_milestone: true,
-                probe_stream: &stream(0, Purpose::Probe),
+                probe_stream: &stream(0, 0, Purpose::Probe),
                 stream: &stream,
             };
             shared.refine(

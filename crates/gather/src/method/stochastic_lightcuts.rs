@@ -10,6 +10,7 @@ use sampling::{Purpose, Rng};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
+use super::ahead::Ahead;
 use super::refinement::JUST_VISIBLE;
 use super::running_total::{RunningTotal, SampledCut};
 use super::shared_cuts::{BlockEdge, SharedCuts};
@@ -151,51 +152,21 @@ pub struct StochasticLightcutsScratch {
     cut: Cut,
     cuts: Cuts,
     starts: Vec<Start>,
-    drawn: Drawn,
+    selected: Vec<Option<Selected>>,
+    ahead: Ahead<Option<Selected>>,
     sampled: SampledCut,
     shared: SharedCuts,
-}
-
-/// The lights drawn for several points, in the order in which those are handed over.
-#[derive(Debug, Default)]
-struct Drawn {
-    lights: Vec<Option<Selected>>,
-    /// Where those of each point end.
-    ends: Vec<usize>,
-    /// Points that have been handed over, and their lights.
-    points_taken: usize,
-    lights_taken: usize,
-}
-
-impl Drawn {
-    fn clear(&mut self) {
-        self.lights.clear();
-        self.ends.clear();
-        (self.points_taken, self.lights_taken) = (0, 0);
-    }
-
-    fn is_used_up(&self) -> bool {
-        self.points_taken == self.ends.len()
-    }
-
-    /// The lights of the next point.
-    fn next(&mut self) -> &[Option<Selected>] {
-        let (start, end) = (self.lights_taken, self.ends[self.points_taken]);
-        self.points_taken += 1;
-        self.lights_taken = end;
-        &self.lights[start..end]
-    }
 }
 
 /// Points whose lights are drawn together: so many that hardly any lane is ever idle, so few that all stays in the cache.
 const TOGETHER: usize = 512;
 
 impl StochasticLightcuts<'_> {
-    /// Draws lights for `points`, with random numbers `u` of each.
+    /// Draws lights for `points`, with the random numbers of each.
     fn draw<E: LightEval>(
         &self,
         points: &[GatherPoint],
-        mut u: impl FnMut(&GatherPoint) -> f64,
+        stream: impl Fn(&GatherPoint) -> Rng,
         eval: &mut E,
         scratch: &mut StochasticLightcutsScratch,
     ) {
@@ -206,17 +177,19 @@ impl StochasticLightcuts<'_> {
         let StochasticLightcutsScratch {
             cuts,
             starts,
-            drawn,
+            selected,
+            ahead,
             shared,
             ..
         } = scratch;
-        drawn.clear();
+        ahead.clear();
         for points in points.chunks(TOGETHER) {
             let receivers: Vec<&Receiver> = points.iter().map(|x| &x.receiver).collect();
             if !is_shared {
                 cuts.refine(tree, weights, &receivers, size);
             }
             starts.clear();
+            selected.clear();
             for (i, x) in points.iter().enumerate() {
                 let nodes = match (is_shared, shared.next()) {
                     (false, _) => cuts.of(i),
@@ -226,16 +199,25 @@ impl StochasticLightcuts<'_> {
                         cuts.of(0)
                     }
                 };
+                let mut rng = stream(x);
                 starts.extend(nodes.iter().map(|&node| Start {
                     receiver: i as u32,
                     node,
-                    u: u(x),
+                    u: rng.f64(),
                 }));
-                drawn.ends.push(drawn.lights.len() + starts.len());
             }
             eval.mark(Phase::Cut);
             let dead_branch = self.spec.dead_branch();
-            tree.select_each(weights, dead_branch, &receivers, starts, &mut drawn.lights);
+            tree.select_each(weights, dead_branch, &receivers, starts, selected);
+            let mut from = 0;
+            for (i, x) in points.iter().enumerate() {
+                let own = starts[from..]
+                    .iter()
+                    .take_while(|start| start.receiver == i as u32);
+                let to = from + own.count();
+                ahead.push(x, selected[from..to].iter().copied());
+                from = to;
+            }
             eval.mark(Phase::Select);
         }
     }
@@ -276,17 +258,8 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
                 .shared
                 .refine(tile, edge, size, tree, weights, &mut scratch.cut);
         }
-        // One stream for all vertices of an eye path.
-        let mut stream = None;
-        let u = |x: &GatherPoint| {
-            let of_slot = stream.take().filter(|(slot, _)| *slot == x.slot);
-            let mut own =
-                of_slot.unwrap_or_else(|| (x.slot, (tile.stream)(x.slot, Purpose::Lights)));
-            let u = own.1.f64();
-            stream = Some(own);
-            u
-        };
-        self.draw(tile.points, u, eval, scratch);
+        let stream = |x: &GatherPoint| (tile.stream)(x.slot, x.bounce, Purpose::Lights);
+        self.draw(tile.points, stream, eval, scratch);
     }
 
     fn point<E: LightEval>(
@@ -306,13 +279,16 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
             eval.add_radiance(x, total);
             return;
         }
-        if scratch.drawn.is_used_up() {
-            self.draw(std::slice::from_ref(x), |_| rng.f64(), eval, scratch);
+        if !scratch.ahead.has(x) {
+            self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
         }
-        let lights = scratch.drawn.next();
-        for selected in lights.iter().flatten() {
+        let ahead = &mut scratch.ahead;
+        ahead.turn();
+        // What the next point needs arrives while this one is worked on.
+        for selected in ahead.next().iter().flatten() {
             eval.expect(selected.light);
         }
+        let lights = ahead.now();
         for selected in lights {
             match selected {
                 Some(s) => eval.add(x, s.light, 1.0 / s.pmf),

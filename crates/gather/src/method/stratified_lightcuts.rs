@@ -7,10 +7,13 @@
 //! included, and are set right by what a few rays, and then the samples so far, find in the way; and the draws of all of a
 //! pixel's samples follow one low-discrepancy sequence along the tree's order, together with the places in the pixel.
 
-use light_tree::{Draws, Receiver, SharedCut, WideTree, luminance};
-use sampling::Rng;
+use std::ops::Range;
+
+use light_tree::{Descents, Drawn, Draws, Receiver, SharedCut, WideTree, luminance};
+use sampling::{Purpose, Rng};
 use serde::Deserialize;
 
+use super::ahead::Ahead;
 use super::patches::Patches;
 use super::{Count, Method, probes};
 use crate::Inputs;
@@ -67,6 +70,8 @@ const OWN_CLUSTERS: usize = 64;
 /// The first sample of a pixel that is drawn by what was learned, and from which is learned: the ones before are to be had at
 /// once, and so many are a block of the sequence.
 pub(super) const LEARNED_FROM: u32 = 2;
+/// Points whose lights are drawn together: a step of all their descents takes longer than memory, and what it reads fits the cache.
+const TOGETHER: usize = 32;
 /// The sequence's dimension that chooses lights, after the two of the place in the pixel.
 pub(super) const LIGHTS: u32 = 2;
 
@@ -82,6 +87,25 @@ pub struct StratifiedScratch {
     typical: f64,
     patches: Patches,
     pilots: Vec<GatherPoint>,
+    descents: Descents,
+    ahead: Ahead<Option<Drawn>>,
+}
+
+impl StratifiedScratch {
+    /// Whether the tile's cut serves `x`: behind the first hit points lie anywhere, and which path got there is random.
+    fn is_shared_by(&self, x: &GatherPoint) -> bool {
+        x.bounce == 0 && !self.shared.is_empty()
+    }
+
+    /// Which of the factors are those of `x`; none where its clusters are weighed without.
+    fn factors_of(&self, x: &GatherPoint) -> Range<usize> {
+        if !self.is_shared_by(x) || x.sample < LEARNED_FROM || self.factors.is_empty() {
+            return 0..0;
+        }
+        let count = self.shared.len();
+        let first = x.block as usize * count;
+        first..first + count
+    }
 }
 
 impl StratifiedLightcuts<'_> {
@@ -106,6 +130,88 @@ impl StratifiedLightcuts<'_> {
             cut.open(tree, receiver, samples, points, draws);
         }
         cut.settle(tree, samples, draws);
+    }
+
+    /// Draws lights for `points`, with the random numbers of each.
+    fn draw<E: LightEval>(
+        &self,
+        points: &[GatherPoint],
+        stream: impl Fn(&GatherPoint) -> Rng,
+        eval: &mut E,
+        scratch: &mut StratifiedScratch,
+    ) {
+        let Some(tree) = self.tree else { return };
+        scratch.ahead.clear();
+        for points in points.chunks(TOGETHER) {
+            scratch.descents.clear();
+            for x in points {
+                self.pick(tree, x, stream(x), eval, scratch);
+            }
+            scratch.descents.descend(tree);
+            for (i, x) in points.iter().enumerate() {
+                let drawn = scratch.descents.drawn(i).iter().copied();
+                scratch.ahead.push(x, drawn);
+            }
+            eval.mark(Phase::Select);
+        }
+    }
+
+    /// Picks the clusters from which lights of `x` are drawn.
+    fn pick<E: LightEval>(
+        &self,
+        tree: &WideTree,
+        x: &GatherPoint,
+        mut rng: Rng,
+        eval: &mut E,
+        scratch: &mut StratifiedScratch,
+    ) {
+        let (is_shared, factors) = (scratch.is_shared_by(x), scratch.factors_of(x));
+        let StratifiedScratch {
+            shared,
+            own,
+            draws,
+            factors: all_factors,
+            patches,
+            descents,
+            ..
+        } = scratch;
+        let factors = &all_factors[factors];
+        let cut = if is_shared {
+            shared
+        } else {
+            let size = OWN_CLUSTERS.min(self.spec.clusters.get() as usize);
+            own.refine(tree, &[x.receiver], size);
+            own
+        };
+        let patch = match is_shared && self.has_patches() {
+            true => patches.of(x),
+            false => None,
+        };
+        let draws = match patch {
+            None => {
+                eval.mark(Phase::Select);
+                self.weigh(tree, cut, &x.receiver, factors, 1, draws);
+                eval.mark(Phase::Cut);
+                draws
+            }
+            Some(patch) => {
+                if !patch.is_ready {
+                    eval.mark(Phase::Select);
+                    let points = patch.points(x.sample);
+                    let (receiver, draws) = (&patch.receiver, &mut patch.draws);
+                    self.weigh(tree, cut, receiver, factors, points, draws);
+                    eval.mark(Phase::Cut);
+                    patch.is_ready = true;
+                }
+                &mut patch.draws
+            }
+        };
+        let u = if self.spec.stratify && x.bounce == 0 {
+            x.sequence.f64(x.sample, LIGHTS, &mut rng)
+        } else {
+            rng.f64()
+        };
+        cut.pick(tree, &x.receiver, u, draws, descents);
     }
 }
 
@@ -148,6 +254,7 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             typical,
             patches,
             pilots,
+            descents,
             ..
         } = scratch;
         if self.has_patches() {
@@ -165,11 +272,14 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
             }
         } else if self.spec.learn && tile.points.iter().any(is_late) {
             let rng = &mut tile.probe_stream.clone();
-            let probed = probes::probe(shared, tree, pilots, eval, rng, draws);
+            let probed = probes::probe(shared, tree, pilots, eval, rng, draws, descents);
             *learned = Learned::of(probed);
         }
         factors.clone_from(&learned.factors);
         *typical = learned.probed.typical.sqrt();
+        eval.mark(Phase::Cut);
+        let stream = |x: &GatherPoint| (tile.stream)(x.slot, x.bounce, Purpose::Lights);
+        self.draw(tile.points, stream, eval, scratch);
     }
 
     fn point<E: LightEval>(
@@ -179,85 +289,39 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         rng: &mut Rng,
         scratch: &mut StratifiedScratch,
     ) {
-        let Some(tree) = self.tree else { return };
-        let StratifiedScratch {
-            shared,
-            own,
-            draws,
-            factors,
-            typical,
-            patches,
-            ..
-        } = scratch;
-        // Behind the first hit points lie anywhere, and which path got there is random.
-        let is_seen = x.bounce == 0;
-        let is_shared = is_seen && !shared.is_empty();
-        let cut = if is_shared {
-            shared
-        } else {
-            let size = OWN_CLUSTERS.min(self.spec.clusters.get() as usize);
-            own.refine(tree, &[x.receiver], size);
-            own
-        };
-        let block = x.block as usize * cut.len();
-        let factors: &[f32] = match is_shared && x.sample >= LEARNED_FROM && !factors.is_empty() {
-            true => &factors[block..][..cut.len()],
-            false => &[],
-        };
-        let patch = match is_shared && self.has_patches() {
-            true => patches.of(x),
-            false => None,
-        };
-        let draws = match patch {
-            None => {
-                self.weigh(tree, cut, &x.receiver, factors, 1, draws);
-                draws
-            }
-            Some(patch) => {
-                if !patch.is_ready {
-                    let points = patch.points(x.sample);
-                    self.weigh(
-                        tree,
-                        cut,
-                        &patch.receiver,
-                        factors,
-                        points,
-                        &mut patch.draws,
-                    );
-                    patch.is_ready = true;
-                }
-                &mut patch.draws
-            }
-        };
-        eval.mark(Phase::Cut);
-        let u = if self.spec.stratify && is_seen {
-            x.sequence.f64(x.sample, LIGHTS, rng)
-        } else {
-            rng.f64()
-        };
-        cut.draw(tree, &x.receiver, u, draws);
-        eval.mark(Phase::Select);
-        for drawn in draws.lights() {
+        if self.tree.is_none() {
+            return;
+        }
+        if !scratch.ahead.has(x) {
+            self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
+        }
+        scratch.ahead.turn();
+        // What the next point needs arrives while this one is worked on.
+        for drawn in scratch.ahead.next().iter().flatten() {
             eval.expect(drawn.light);
         }
-        if factors.is_empty() || *typical == 0.0 {
-            for drawn in draws.lights() {
+        let own = scratch.factors_of(x);
+        let (factors, typical) = (&scratch.factors[own.clone()], scratch.typical);
+        let albedo = match factors.is_empty() {
+            true => 0.0,
+            false => f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo)))),
+        };
+        for drawn in scratch.ahead.now() {
+            let Some(drawn) = drawn else {
+                eval.count_dead();
+                continue;
+            };
+            if factors.is_empty() || typical == 0.0 {
                 eval.add(x, drawn.light, 1.0 / drawn.expected);
+                continue;
             }
-        } else {
-            let albedo = f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo))));
-            for drawn in draws.lights() {
-                let cluster = drawn.cluster as usize;
-                let weight = drawn.weight / f64::from(factors[cluster]);
-                let trial = Trial {
-                    place: (block + cluster) as u32,
-                    expected: weight * albedo * *typical,
-                };
-                eval.add_trial(x, drawn.light, 1.0 / drawn.expected, trial);
-            }
-        }
-        for _ in 0..draws.dead() {
-            eval.count_dead();
+            let cluster = drawn.cluster as usize;
+            let weight = drawn.weight / f64::from(factors[cluster]);
+            let trial = Trial {
+                place: (own.start + cluster) as u32,
+                expected: weight * albedo * typical,
+            };
+            eval.add_trial(x, drawn.light, 1.0 / drawn.expected, trial);
         }
     }
 }
@@ -289,8 +353,9 @@ mod tests {
         let scene = room(true);
         let tracer = Tracer::build(&scene);
         let points = gather_points(&scene);
-        let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
+        let stream = |slot, _, purpose| Rng::new(3, u64::from(slot), 0, purpose);
         let late = [points[0], points[1]].map(|x| GatherPoint {
+            slot: u32::MAX,
             sample: LEARNED_FROM,
             ..x
         });
@@ -324,7 +389,7 @@ mod tests {
                         samples: 1,
                         is_milestone: true,
                         centres: &centres,
-                        probe_stream: &stream(0, Purpose::Probe),
+                        probe_stream: &stream(0, 0, Purpose::Probe),
                         stream: &stream,
                     },
                     &mut queue,
@@ -345,14 +410,14 @@ mod tests {
                     &mut memory,
                 );
                 for slot in 0..count {
-                    queue.begin_point(stream(slot, Purpose::LightSurface));
+                    queue.begin_point(stream(slot, 0, Purpose::LightSurface));
                     let x = GatherPoint {
                         slot,
                         sequence: Sequence(slot),
                         sample: LEARNED_FROM,
                         ..*x
                     };
-                    let rng = &mut stream(slot, Purpose::Lights);
+                    let rng = &mut stream(slot, 0, Purpose::Lights);
                     method.point(&x, &mut queue, rng, &mut scratch);
                     queue.end_point();
                 }
@@ -399,7 +464,7 @@ mod tests {
         let inputs = Inputs::new(lights, TreeBuilder::Binned);
         let tree = inputs.wide_tree().expect("has lights");
         let method = StratifiedLightcuts::prepare(&Default::default(), &inputs);
-        let stream = |slot, purpose| Rng::new(3, u64::from(slot), 0, purpose);
+        let stream = |slot, _, purpose| Rng::new(3, u64::from(slot), 0, purpose);
         let mut scratch = StratifiedScratch::default();
         let mut memory = QueueScratch::default();
         let shape = VirtualShape::Sphere;
@@ -421,15 +486,15 @@ mod tests {
                 samples: 1,
                 is_milestone: true,
                 centres: &centres,
-                probe_stream: &stream(0, Purpose::Probe),
+                probe_stream: &stream(0, 0, Purpose::Probe),
                 stream: &stream,
             };
             method.begin_tile(&tile, &mut queue, &mut learned, &mut scratch);
             queue.give_trials(std::mem::take(&mut learned.trials));
             for slot in 0..400 {
-                queue.begin_point(stream(slot, Purpose::LightSurface));
+                queue.begin_point(stream(slot, 0, Purpose::LightSurface));
                 let sequence = Sequence(slot);
-                let rng = &mut stream(slot, Purpose::Lights);
+                let rng = &mut stream(slot, 0, Purpose::Lights);
                 method.point(
                     &GatherPoint { sequence, ..x },
                     &mut queue,
@@ -452,7 +517,7 @@ mod tests {
             );
             let drawn: u32 = trials.iter().map(|t| t.count).sum();
             assert!((3600..=4000).contains(&drawn), "{drawn} were noted");
-            let mut draws = Draws::default();
+            let (mut draws, mut descents) = (Draws::default(), Descents::default());
             cut.weigh(tree, &x.receiver, &mut draws);
             for (i, trials) in trials[of_block].iter().enumerate() {
                 if trials.count < 20 {
@@ -460,7 +525,11 @@ mod tests {
                 }
                 let mut arrives = |k: u32| {
                     let u = (f64::from(k) + 0.5) / 64.0;
-                    let drawn = cut.draw_within(tree, &x.receiver, i, u, &mut draws);
+                    let within = std::iter::once((i, u));
+                    descents.clear();
+                    cut.pick_within(tree, &x.receiver, within, &draws, &mut descents);
+                    descents.descend(tree);
+                    let drawn = descents.drawn(0)[0];
                     drawn.is_some_and(|drawn| queue.radiance(&x, drawn.light) != glam::Vec3::ZERO)
                 };
                 let seen = (0..64).filter(|&k| arrives(k)).count();

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion};
-use manylight_light_tree::{Draws, Receiver, SharedCut, WideTree};
+use manylight_light_tree::{Descents, Draws, Receiver, SharedCut, WideTree};
 use sampling::{Purpose, Rng};
 
 use crate::hall::{Hall, tile};
@@ -46,7 +46,7 @@ pub(crate) fn bench(c: &mut Criterion, hall: &Hall) {
             });
             let mut points = points.cycle();
             let mut rng = Rng::new(3, 0, 0, Purpose::Lights);
-            let mut draws = Draws::default();
+            let (mut draws, mut descents) = (Draws::default(), Descents::default());
             b.iter(|| {
                 let (cut, x) = points.next().expect("the list begins again");
                 cut.weigh(tree, x, &mut draws);
@@ -55,9 +55,10 @@ pub(crate) fn bench(c: &mut Criterion, hall: &Hall) {
                 }
                 if last == Step::Draw {
                     cut.settle(tree, SAMPLES, &mut draws);
-                    cut.draw(tree, x, rng.f64(), &mut draws);
+                    let drawn = cut.draw(tree, x, rng.f64(), &mut draws, &mut descents);
+                    black_box(drawn.len());
                 }
-                black_box(draws.lights().len())
+                black_box(draws.weight(0))
             });
         });
     }
