@@ -210,8 +210,8 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
         let mut pairs = [&tree.pairs[0]; LANES];
-        for k in 0..LANES {
-            pairs[k] = &tree.pairs[self.pair[k] as usize];
+        for (pair, &place) in pairs.iter_mut().zip(&self.pair) {
+            *pair = &tree.pairs[place as usize];
         }
         let children = load(pairs);
         let seen = self.receivers.see(&children.boxes);

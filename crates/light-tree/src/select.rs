@@ -94,7 +94,7 @@ fn choose_live(weights: [f32; 2], u: f64) -> Side {
     let passed = select_unpredictable(is_right, w0, 0.0);
     Side {
         is_right,
-        is_dead: !(sum > 0.0),
+        is_dead: sum <= 0.0,
         pmf: w / sum,
         u: ((scaled - passed) / w).clamp(0.0, BELOW_ONE),
     }
@@ -229,8 +229,8 @@ impl Descending<'_> {
     ) -> Weighed<LANES, NODES> {
         let tree = self.tree;
         let mut pairs = [&tree.pairs[0]; LANES];
-        for k in 0..LANES {
-            pairs[k] = &tree.pairs[lanes.pair[k] as usize];
+        for (pair, &place) in pairs.iter_mut().zip(&lanes.pair) {
+            *pair = &tree.pairs[place as usize];
         }
         let children = load(pairs);
         let weights = match self.weights {
