@@ -202,6 +202,10 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
     }
 
     /// Splits a cluster of each cut that is not complete, and finds the next.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
     #[inline(always)]
     fn step(
         &mut self,
@@ -210,8 +214,8 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
         let mut pairs = [&tree.pairs[0]; LANES];
-        for (pair, &place) in pairs.iter_mut().zip(&self.pair) {
-            *pair = &tree.pairs[place as usize];
+        for k in 0..LANES {
+            pairs[k] = &tree.pairs[self.pair[k] as usize];
         }
         let children = load(pairs);
         let seen = self.receivers.see(&children.boxes);

@@ -221,6 +221,10 @@ impl Descending<'_> {
     }
 
     /// Weighs what each of the lanes chooses from.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
     #[inline(always)]
     fn weigh<const LANES: usize, const NODES: usize>(
         &self,
@@ -229,8 +233,8 @@ impl Descending<'_> {
     ) -> Weighed<LANES, NODES> {
         let tree = self.tree;
         let mut pairs = [&tree.pairs[0]; LANES];
-        for (pair, &place) in pairs.iter_mut().zip(&lanes.pair) {
-            *pair = &tree.pairs[place as usize];
+        for k in 0..LANES {
+            pairs[k] = &tree.pairs[lanes.pair[k] as usize];
         }
         let children = load(pairs);
         let weights = match self.weights {
