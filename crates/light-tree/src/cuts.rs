@@ -202,6 +202,10 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
     }
 
     /// Splits a cluster of each cut that is not complete, and finds the next.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
     #[inline(always)]
     fn step(
         &mut self,

@@ -50,13 +50,18 @@ impl<const PAIRS: usize, const NODES: usize> PairLanes<PAIRS, NODES> {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn of_numbers(lo: [[f32; NODES]; 4], hi: [[f32; NODES]; 4]) -> Self {
+        let mut links = [0; NODES];
+        // No `map`: it would not be compiled for the wider instructions.
+        for k in 0..NODES {
+            links[k] = hi[3][k].to_bits();
+        }
         Self {
             boxes: BoxLanes {
                 lo: [lo[0], lo[1], lo[2]],
                 hi: [hi[0], hi[1], hi[2]],
             },
             intensity: lo[3],
-            links: hi[3].map(f32::to_bits),
+            links,
         }
     }
 }
@@ -86,7 +91,7 @@ impl PairLanes<4, 8> {
     #[inline]
     #[target_feature(enable = "avx2")]
     pub(crate) fn of_avx2(pairs: [&Pair; 4]) -> Self {
-        let [a, b, c, d] = pairs.map(|pair| &pair.0);
+        let [Pair(a), Pair(b), Pair(c), Pair(d)] = pairs;
         let first = columns_avx2([&a[0], &b[0], &c[0], &d[0]]);
         let second = columns_avx2([&a[1], &b[1], &c[1], &d[1]]);
         let lo = |at: usize| numbers(_mm256_permute2f128_pd::<0x20>(first[at], second[at]));

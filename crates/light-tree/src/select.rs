@@ -94,7 +94,7 @@ fn choose_live(weights: [f32; 2], u: f64) -> Side {
     let passed = select_unpredictable(is_right, w0, 0.0);
     Side {
         is_right,
-        is_dead: !(sum > 0.0),
+        is_dead: sum <= 0.0,
         pmf: w / sum,
         u: ((scaled - passed) / w).clamp(0.0, BELOW_ONE),
     }
@@ -221,6 +221,10 @@ impl Descending<'_> {
     }
 
     /// Weighs what each of the lanes chooses from.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
     #[inline(always)]
     fn weigh<const LANES: usize, const NODES: usize>(
         &self,
