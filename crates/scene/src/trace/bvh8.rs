@@ -137,7 +137,7 @@ pub(crate) fn is_inner(link: u32) -> bool {
 /// 1 when a link leads nowhere, else 0.
 #[inline(always)]
 pub(crate) fn nowhere_bit(link: u32) -> u32 {
-    link / NOWHERE & 1
+    (link & NOWHERE) >> 1
 }
 
 /// 1 when a link leads to a block of triangles, else 0.
