@@ -182,8 +182,9 @@ impl Bvh8 {
 
     #[inline(always)]
     fn assert_holds(&self, link: u32, rows: usize) {
+        let (end, all) = (rows * STEPS, self.rows.len() * STEPS);
         assert!(
-            link as usize + rows * STEPS <= self.rows.len() * STEPS,
+            u64::from(link) + end as u64 <= all as u64,
             "a link leads to what was put there"
         );
     }
