@@ -137,7 +137,7 @@ pub(crate) fn is_inner(link: u32) -> bool {
 /// 1 when a link leads nowhere, else 0.
 #[inline(always)]
 pub(crate) fn nowhere_bit(link: u32) -> u32 {
-    link / NOWHERE & 1
+    (link & NOWHERE) >> 1
 }
 
 /// 1 when a link leads to a block of triangles, else 0.
@@ -182,8 +182,9 @@ impl Bvh8 {
 
     #[inline(always)]
     fn assert_holds(&self, link: u32, rows: usize) {
+        let (end, all) = (rows * STEPS, self.rows.len() * STEPS);
         assert!(
-            link as usize + rows * STEPS <= self.rows.len() * STEPS,
+            u64::from(link) + end as u64 <= all as u64,
             "a link leads to what was put there"
         );
     }

@@ -2,7 +2,7 @@
 //!
 //! Nodes have eight boxes and blocks four triangles, so that one pass of vector code tests them all; a wide node
 //! also lets many shadow rays be kept in flight at once, which hides the memory latency that a single ray waits
-//! for. AVX2 is used where the processor has it, with the same bits.
+//! for. AVX2 and AVX-512 are used where the processor has them, with the same bits (`width`).
 
 mod build;
 mod bvh8;

@@ -344,7 +344,17 @@ fn wide_and_narrow_instructions_give_the_same_bits() {
     // Miri is a thousand times slower.
     let many = if cfg!(miri) { 100 } else { 5000 };
     let scene = soup(many);
-    let rays = rays_through(&scene, many);
+    let mut rays = rays_through(&scene, many);
+    // From where boxes end, along their faces.
+    for (i, &origin) in scene.mesh.positions.iter().take(many / 5).enumerate() {
+        let signs = Vec3::new(1.0, -1.0, 1.0);
+        let direction = [Vec3::X, Vec3::NEG_Y, Vec3::new(0.0, 1.0, -1.0)][i % 3];
+        rays.push(Ray {
+            origin,
+            direction: direction * if i % 2 == 0 { signs } else { -signs },
+            t_max: f32::INFINITY,
+        });
+    }
     let bits =
         |hit: Option<Hit>| hit.map(|h| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits()));
     let answers = |widest| {

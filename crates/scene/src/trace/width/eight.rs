@@ -12,7 +12,7 @@ use glam::{Vec3, Vec4};
 
 use super::super::triangle::{Numbers, Products, cross, dot, minus, plus};
 use super::{
-    BITS, BlockHits, CHILD, FAR_SLACK, Lanes, NOT_MET, Node8, NodeRay, OrderedRay, Stack,
+    AHEAD, BITS, BlockHits, CHILD, FAR_SLACK, Lanes, NOT_MET, Node8, NodeRay, OrderedRay, Stack,
     TriangleBlock, WIDTH, WatertightRay, Width,
 };
 
@@ -32,7 +32,7 @@ impl Eight {
     }
 }
 
-/// Bit by bit where a distance that is not negative is not greater than another one.
+/// Bit by bit where a positive distance is not greater than another one.
 ///
 /// # Safety
 /// The processor has AVX2.
@@ -78,7 +78,7 @@ impl Width for Eight {
         // SAFETY: `self` proves AVX2; rows and `near` hold eight numbers.
         unsafe {
             let row = |r: usize| _mm256_loadu_ps(node.bounds(r).as_ptr());
-            let (mut from, mut to) = (_mm256_setzero_ps(), _mm256_set1_ps(f32::INFINITY));
+            let (mut from, mut to) = (_mm256_set1_ps(AHEAD), _mm256_set1_ps(f32::INFINITY));
             for axis in 0..3 {
                 let origin = _mm256_set1_ps(ray.origin[axis]);
                 let inverse = _mm256_set1_ps(ray.inverse[axis]);
@@ -107,7 +107,7 @@ impl Width for Eight {
             let near_plane = |axis| plane(axis, 0, ray.ray.inverse);
             let far_plane = |axis| plane(axis, 1, ray.inverse_far);
             let from = greater(near_plane(0), near_plane(1));
-            let from = greater(from, greater(near_plane(2), _mm256_setzero_ps()));
+            let from = greater(from, greater(near_plane(2), _mm256_set1_ps(AHEAD)));
             let to = lesser(far_plane(0), far_plane(1));
             let to = lesser(to, lesser(far_plane(2), _mm256_set1_ps(t_max)));
             _mm256_storeu_ps(near.as_mut_ptr(), from);

@@ -3,19 +3,13 @@
 use glam::{Vec3, Vec4};
 
 use super::{
-    BITS, CHILD, FAR_SLACK, Key, Lanes, NOT_MET, Node8, NodeRay, OrderedRay, Stack, WIDTH, Width,
+    AHEAD, BITS, CHILD, FAR_SLACK, Key, Lanes, NOT_MET, Node8, NodeRay, OrderedRay, Stack, WIDTH,
+    Width,
 };
 
 /// A number for each of four children or triangles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Four;
-
-/// Bit by bit where a distance that is not negative is not greater than another one. That is so of no -0 either, as where bits
-/// are compared.
-#[inline(always)]
-fn in_order(from: Vec4, to: Vec4) -> u32 {
-    from.cmple(to).bitmask() & !to.is_negative_bitmask()
-}
 
 impl Width for Four {
     #[inline(always)]
@@ -23,7 +17,7 @@ impl Width for Four {
         let mut mask = 0;
         for half in 0..2 {
             let row = |r: usize| Vec4::from_slice(&node.bounds(r)[4 * half..]);
-            let (mut from, mut to) = (Vec4::ZERO, Vec4::INFINITY);
+            let (mut from, mut to) = (Vec4::splat(AHEAD), Vec4::INFINITY);
             for axis in 0..3 {
                 let origin = Vec4::splat(ray.origin[axis]);
                 let inverse = Vec4::splat(ray.inverse[axis]);
@@ -34,7 +28,7 @@ impl Width for Four {
             }
             let to = (to * FAR_SLACK).min(Vec4::splat(t_max));
             from.write_to_slice(&mut near[4 * half..]);
-            mask |= in_order(from, to) << (4 * half);
+            mask |= from.cmple(to).bitmask() << (4 * half);
         }
         mask
     }
@@ -51,11 +45,11 @@ impl Width for Four {
             let near_plane = |axis| plane(axis, 0, ray.ray.inverse);
             let far_plane = |axis| plane(axis, 1, ray.inverse_far);
             let from = near_plane(0).max(near_plane(1));
-            let from = from.max(near_plane(2).max(Vec4::ZERO));
+            let from = from.max(near_plane(2).max(Vec4::splat(AHEAD)));
             let to = far_plane(0).min(far_plane(1));
             let to = to.min(far_plane(2).min(Vec4::splat(t_max)));
             from.write_to_slice(&mut near[4 * half..]);
-            mask |= in_order(from, to) << (4 * half);
+            mask |= from.cmple(to).bitmask() << (4 * half);
         }
         mask
     }

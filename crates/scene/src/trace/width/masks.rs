@@ -1,7 +1,7 @@
-//! AVX-512, of which only masks and the greater number of registers are used.
+//! AVX-512 on vectors of eight: masks pack links in one step, and there are twice as many registers.
 //!
-//! Vectors of sixteen slow the processor's clock and close one of its ports to vectors of eight: single rays lost a tenth to
-//! them, and rays in a queue gained no more than they do from these.
+//! Vectors of sixteen slow the clock, and close one of the ports that vectors of eight use. With blocks tested three edges at a
+//! time, single rays lost a tenth and rays in a queue gained no more than they do so.
 
 #![allow(
     unsafe_code,

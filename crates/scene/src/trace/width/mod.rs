@@ -124,6 +124,10 @@ macro_rules! by_width {
 }
 pub(super) use by_width;
 
+/// Distances that count as near begin here, at the least that is positive: hits lie ahead of a ray's origin, and whichever of
+/// both zeros a box ends at, it is not met.
+const AHEAD: f32 = f32::from_bits(1);
+
 /// What children are sorted by: those that are met first, the farthest before the nearest. The distance, rounded down, is
 /// turned over, and its lowest bits are the child's number.
 type Key = i32;
