@@ -251,7 +251,7 @@ fn step(
     pick.expected *= chosen.pmf;
     pick.u = chosen.u;
     // Nothing is lit, or a product of hundreds of tiny probabilities has underflowed: such a light cannot be told from none.
-    if !(pick.expected > 0.0) {
+    if pick.expected.is_nan() || pick.expected <= 0.0 {
         return false;
     }
     pick.cluster = tree.blocks[pick.cluster.0 as usize].clusters[chosen.lane];
