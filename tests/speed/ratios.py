@@ -9,6 +9,8 @@
 - set-up: the report's `seconds` and `bytes`, two threads;
 - a light sample: `cut`, `select`, `evaluate` and `shadow` over the number of light samples, in the same renders;
 - two threads: seconds of the render by one thread over those by two;
+- what a scene lacks: seconds of the render of Conference, which has no textures, over those of the same with a white texture and an
+  opacity map without holes on each of its materials; its pixels must be the same to the bit;
 - rays: rates over those of Embree's single rays, by `tests/peers/against_embree.rs`, which `cargo` builds.
 
 All but the last are clocks of threads: the machine should do nothing else. What is compared takes turns, round by round, each round with a
@@ -20,8 +22,11 @@ import argparse
 import json
 import operator
 import os
+import re
 import statistics
+import struct
 import subprocess
+import zlib
 
 HERE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 METHODS = ("stochastic-lightcuts", "best")
@@ -110,6 +115,53 @@ def threads(renders, scene):
         row(f"one thread / two, {scene}, `{method}`", ">= 1.9", [a["seconds"]["render"] / b["seconds"]["render"] for a, b in pairs])
 
 
+def white(path):
+    """Writes a PNG of four white pixels that may be seen through, but cannot."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    pixels = zlib.compress(2 * (b"\0" + 8 * b"\xff"))
+    header = struct.pack(">IIBBBBB", 2, 2, 8, 6, 0, 0, 0)
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b""))
+
+
+def dressed(source, folder, map_names):
+    """Writes a scene as it is in `source` with these maps, all white, on each material; returns its run file without its end."""
+    os.makedirs(folder, exist_ok=True)
+    white(os.path.join(folder, "white.png"))
+    corner = re.compile(r"(?<= )(\d+)(?:/\d*)?")
+    for name in ("scene.obj", "scene.mtl", "scene.ron", "lights.ron"):
+        with open(os.path.join(source, name)) as read, open(os.path.join(folder, name), "w") as write:
+            if name == "scene.obj":
+                write.write("vt 0.5 0.5\n")
+            for line in read:
+                write.write(corner.sub(r"\1/1", line) if line.startswith("f ") else line)
+                if name == "scene.mtl" and line.startswith("newmtl "):
+                    write.writelines(f"{map_name} white.png\n" for map_name in map_names)
+    run = os.path.join(os.path.abspath(folder), "run")
+    with open(run + ".ron", "w") as file:
+        file.write('(scene: "scene.ron", seed: 1)\n')
+    return run
+
+
+def lacking(renders):
+    """What a scene without textures and cut-outs saves."""
+    source = os.path.join(os.environ["MANYLIGHT_SCENES"], "conference")
+    scenes = {name: dressed(source, os.path.join(renders.given.out, name), maps) for name, maps in
+              {"plain": [], "textured": ["map_Kd"], "cut out": ["map_d"]}.items()}
+    reports = {name: [] for name in scenes}
+    pictures = {name: os.path.join(renders.given.out, "lacking " + name + ".exr") for name in scenes}
+    for _ in range(renders.given.rounds):
+        for name, run in scenes.items():
+            reports[name].append(renders.report(run, "best", 1, "--seed", "1"))
+            os.replace(os.path.join(renders.given.out, "ratios.exr"), pictures[name])
+    for name in ("textured", "cut out"):
+        compared = [renders.given.manylight, "compare", pictures["plain"], pictures[name], "--max-relmse", "0"]
+        subprocess.run(compared, check=True, stdout=subprocess.DEVNULL)
+        pairs = zip(reports["plain"], reports[name])
+        row(f"render of a plain scene / of the same {name}, same bits", "< 1", [a["seconds"]["render"] / b["seconds"]["render"] for a, b in pairs])
+
+
 def rays(library, scenes):
     """Rates of rays against Embree's."""
     folders = [os.path.join(HERE, "scenes/nave") if s == "nave" else os.path.join(os.environ["MANYLIGHT_SCENES"], s) for s in scenes]
@@ -145,7 +197,9 @@ def main():
     for scene in (s for s in ("nave", "sponza") if s in scenes):
         loading(renders, scene)
         threads(renders, scene)
-    if not has_scenes:
+    if has_scenes:
+        lacking(renders)
+    else:
         print("\nSkipped: Sibenik, Sponza and Conference; set MANYLIGHT_SCENES.")
     if not given.embree:
         print("\nSkipped: rays against Embree's; give --embree.")

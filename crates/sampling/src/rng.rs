@@ -60,6 +60,7 @@ fn mix(mut z: u64) -> u64 {
 
 impl Rng {
     /// The stream of `sample` of item `index` (a pixel, a particle path) for `purpose`.
+    #[inline]
     pub fn new(seed: u64, index: u64, sample: u64, purpose: Purpose) -> Self {
         let a = mix(seed ^ mix(purpose as u64));
         let b = mix(a ^ index);
