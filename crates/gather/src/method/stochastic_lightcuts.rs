@@ -10,7 +10,7 @@ use sampling::{Purpose, Rng};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
-use super::ahead::Ahead;
+use super::ahead::{Ahead, first_points};
 use super::refinement::JUST_VISIBLE;
 use super::running_total::{RunningTotal, SampledCut};
 use super::shared_cuts::{BlockEdge, SharedCuts};
@@ -259,7 +259,8 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
                 .refine(tile, edge, size, tree, weights, &mut scratch.cut);
         }
         let stream = |x: &GatherPoint| (tile.stream)(x.slot, x.bounce, Purpose::Lights);
-        self.draw(tile.points, stream, eval, scratch);
+        let points = first_points(tile.points, self.spec.cut.get());
+        self.draw(points, stream, eval, scratch);
     }
 
     fn point<E: LightEval>(

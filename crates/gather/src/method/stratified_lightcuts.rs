@@ -13,7 +13,7 @@ use light_tree::{Descents, Drawn, Draws, Receiver, SharedCut, WideTree, luminanc
 use sampling::{Purpose, Rng};
 use serde::Deserialize;
 
-use super::ahead::Ahead;
+use super::ahead::{Ahead, first_points};
 use super::patches::Patches;
 use super::{Count, Method, probes};
 use crate::Inputs;
@@ -279,7 +279,8 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         *typical = learned.probed.typical.sqrt();
         eval.mark(Phase::Cut);
         let stream = |x: &GatherPoint| (tile.stream)(x.slot, x.bounce, Purpose::Lights);
-        self.draw(tile.points, stream, eval, scratch);
+        let points = first_points(tile.points, self.spec.samples.get());
+        self.draw(points, stream, eval, scratch);
     }
 
     fn point<E: LightEval>(
