@@ -36,7 +36,8 @@ impl Cuts {
             NodeWeights::Yuksel2019 | NodeWeights::MinMaxWithoutCones => true,
             NodeWeights::MinMax | NodeWeights::MinMaxGlossy | NodeWeights::ContyKulla2018 => false,
         };
-        if by_cosine && tree.directional.is_empty() {
+        // One alone would leave most lanes idle.
+        if by_cosine && tree.directional.is_empty() && receivers.len() > 1 {
             return self.refine_all(tree, receivers, size);
         }
         self.nodes.clear();
