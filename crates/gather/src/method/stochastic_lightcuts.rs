@@ -223,6 +223,13 @@ impl StochasticLightcuts<'_> {
     }
 }
 
+/// Asks for the lights of the point whose turn is next.
+fn expect_next<E: LightEval>(ahead: &Ahead<Option<Selected>>, eval: &mut E) {
+    for selected in ahead.next().iter().flatten() {
+        eval.expect(selected.light);
+    }
+}
+
 impl<'a> Method<'a> for StochasticLightcuts<'a> {
     type Spec = StochasticLightcutsSpec;
     type Scratch = StochasticLightcutsScratch;
@@ -282,15 +289,12 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         }
         if !scratch.ahead.has(x) {
             self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
+            expect_next(&scratch.ahead, eval);
         }
-        let ahead = &mut scratch.ahead;
-        ahead.turn();
+        scratch.ahead.turn();
         // What the next point needs arrives while this one is worked on.
-        for selected in ahead.next().iter().flatten() {
-            eval.expect(selected.light);
-        }
-        let lights = ahead.now();
-        for selected in lights {
+        expect_next(&scratch.ahead, eval);
+        for selected in scratch.ahead.now() {
             match selected {
                 Some(s) => eval.add(x, s.light, 1.0 / s.pmf),
                 None => eval.count_dead(),

@@ -215,6 +215,13 @@ impl StratifiedLightcuts<'_> {
     }
 }
 
+/// Asks for the lights of the point whose turn is next.
+fn expect_next<E: LightEval>(ahead: &Ahead<Option<Drawn>>, eval: &mut E) {
+    for drawn in ahead.next().iter().flatten() {
+        eval.expect(drawn.light);
+    }
+}
+
 impl<'a> Method<'a> for StratifiedLightcuts<'a> {
     type Spec = StratifiedLightcutsSpec;
     type Scratch = StratifiedScratch;
@@ -295,12 +302,11 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         }
         if !scratch.ahead.has(x) {
             self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
+            expect_next(&scratch.ahead, eval);
         }
         scratch.ahead.turn();
         // What the next point needs arrives while this one is worked on.
-        for drawn in scratch.ahead.next().iter().flatten() {
-            eval.expect(drawn.light);
-        }
+        expect_next(&scratch.ahead, eval);
         let own = scratch.factors_of(x);
         let (factors, typical) = (&scratch.factors[own.clone()], scratch.typical);
         let albedo = match factors.is_empty() {
