@@ -1,6 +1,6 @@
 //! Bounds on distance and on cosines over boxes.
 
-use glam::{Mat3A, Vec3, Vec3A};
+use glam::{DVec2, Mat3A, Vec3, Vec3A};
 
 use crate::block::SeenLobe;
 use crate::cone::Cone;
@@ -18,6 +18,8 @@ pub struct Receiver {
     /// Its absolute values: half extents of a box become half extents in the frame.
     frame_abs: Mat3A,
     normal: Vec3A,
+    /// What a lane takes of it: see [`ReceiverLanes`].
+    numbers: [f32; NUMBERS],
     /// `None` when the point is matte, or nobody asks.
     lobe: Option<Lobe>,
     region: Region,
@@ -43,7 +45,7 @@ impl Receiver {
     pub fn new(position: Vec3, normal: Vec3) -> Self {
         debug_assert!(position.is_finite(), "receiver at {position}");
         debug_assert!(normal.is_normalized(), "receiver normal {normal}");
-        let (t, b) = normal.any_orthonormal_pair();
+        let (t, b) = level_tangents(normal);
         let frame = Mat3A::from_cols(t.into(), b.into(), normal.into()).transpose();
         let frame_abs =
             Mat3A::from_cols(frame.x_axis.abs(), frame.y_axis.abs(), frame.z_axis.abs());
@@ -52,6 +54,10 @@ impl Receiver {
             frame,
             frame_abs,
             normal: normal.into(),
+            numbers: [
+                position.x, position.y, position.z, t.x, t.y, b.x, b.y, b.z, normal.x, normal.y,
+                normal.z,
+            ],
             lobe: None,
             region: Region::default(),
         }
@@ -112,7 +118,9 @@ impl Receiver {
         // Both doubled: only directions matter.
         let (centre, half) = (seen.lo + seen.hi, seen.hi - seen.lo);
         let c = self.frame * centre;
-        let e = self.frame_abs * (half + SLACK * (centre.abs() + half));
+        // How far the box reaches at all is −2 times the lesser of both.
+        let farthest = seen.lo.min(-seen.hi);
+        let e = self.frame_abs * (half - 2.0 * SLACK * farthest);
         let top = c.z + e.z;
         let beside = (c.abs() - e).max(Vec3A::ZERO);
         let across2 = beside.x * beside.x + beside.y * beside.y;
@@ -283,14 +291,25 @@ impl RelativeBox {
     }
 }
 
-/// Several receivers, each of which looks at a box of its own.
+/// Two unit vectors at right angles to `normal` and each other. The first is level, its z 0: a number less to work with.
+fn level_tangents(normal: Vec3) -> (Vec3, Vec3) {
+    // Squares of the least numbers underflow in single precision.
+    let flat = normal.truncate().as_dvec2();
+    let flat = flat.try_normalize().unwrap_or(DVec2::Y).as_vec2();
+    let t = Vec3::new(-flat.y, flat.x, 0.0);
+    (t, normal.cross(t))
+}
+
+/// Several receivers, each of which looks at two boxes of its own.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(crate) struct ReceiverLanes<const N: usize> {
-    position: [[f32; N]; 3],
-    /// [`Receiver::frame`], row by row.
-    frame: [[[f32; N]; 3]; 3],
+    /// The position, and the rows of the frame: two numbers of the level tangent, three of the other, and the normal.
+    numbers: [[f32; N]; NUMBERS],
 }
+
+/// Numbers that make up a receiver.
+const NUMBERS: usize = 11;
 
 /// Several boxes, coordinate by coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -300,22 +319,41 @@ pub(crate) struct BoxLanes<const N: usize> {
     pub(crate) hi: [[f32; N]; 3],
 }
 
-/// What several receivers see of a box each.
+/// What receivers see of a box each.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
 pub(crate) struct SeenLanes<const N: usize> {
-    /// [`Receiver::cos_bound_over`].
-    pub(crate) cos: [f32; N],
+    /// What [`cos`](Self::cos) is the quotient of: the one, and the square of the other.
+    top: [f32; N],
+    length2: [f32; N],
     /// [`RelativeBox::least2`].
     pub(crate) least2: [f32; N],
     /// [`RelativeBox::diagonal2`].
     pub(crate) diagonal2: [f32; N],
 }
 
+impl<const N: usize> SeenLanes<N> {
+    /// No box.
+    pub(crate) const NOTHING: Self = Self {
+        top: [0.0; N],
+        length2: [0.0; N],
+        least2: [0.0; N],
+        diagonal2: [0.0; N],
+    };
+
+    /// [`Receiver::cos_bound_over`].
+    #[inline(always)]
+    pub(crate) fn cos(&self, lane: usize) -> f32 {
+        let top = self.top[lane];
+        let length = greater(self.length2[lane].sqrt(), greater(top, f32::MIN_POSITIVE));
+        greater(top, 0.0) / length
+    }
+}
+
 impl<const N: usize> ReceiverLanes<N> {
     /// Receivers that have no normal: all is dark.
     pub(crate) const NOWHERE: Self = Self {
-        position: [[0.0; N]; 3],
-        frame: [[[0.0; N]; 3]; 3],
+        numbers: [[0.0; N]; NUMBERS],
     };
 
     /// The same receiver in each lane.
@@ -331,53 +369,51 @@ impl<const N: usize> ReceiverLanes<N> {
     /// Puts a receiver in a lane.
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, receiver: &Receiver) {
-        for axis in 0..3 {
-            self.position[axis][lane] = receiver.position[axis];
-            for row in 0..3 {
-                self.frame[row][axis][lane] = receiver.frame.col(axis)[row];
-            }
+        for (lanes, number) in self.numbers.iter_mut().zip(receiver.numbers) {
+            lanes[lane] = number;
         }
     }
 
-    /// What each receiver sees of its box: the same operations in the same order as for one alone, and so the same bits.
+    /// What each receiver sees of two boxes, the first of each and then the second of each: the same operations in the same order
+    /// as for one alone, and so the same bits.
     #[inline(always)]
-    pub(crate) fn see(&self, boxes: &BoxLanes<N>) -> SeenLanes<N> {
-        let mut seen = SeenLanes {
-            cos: [0.0; N],
-            least2: [0.0; N],
-            diagonal2: [0.0; N],
-        };
-        for k in 0..N {
+    pub(crate) fn see<const BOXES: usize>(&self, boxes: &BoxLanes<BOXES>) -> SeenLanes<BOXES> {
+        const { assert!(BOXES == 2 * N, "two each") };
+        let mut numbers = [[0.0; BOXES]; NUMBERS];
+        for i in 0..NUMBERS {
+            for k in 0..BOXES {
+                numbers[i][k] = self.numbers[i][k % N];
+            }
+        }
+        let mut seen = SeenLanes::NOTHING;
+        for k in 0..BOXES {
+            let number = |i: usize| numbers[i][k];
             let (mut centre, mut inward, mut nearest) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-            let mut slack = [0.0; 3];
+            let mut inner = [0.0; 3];
             for axis in 0..3 {
-                let at = self.position[axis][k];
+                let at = number(axis);
                 // How far the box reaches below and above: both with signs such that they are added rather than one of them
                 // turned around.
                 let (lo, above) = (boxes.lo[axis][k] - at, at - boxes.hi[axis][k]);
                 nearest[axis] = greater(greater(lo, above), 0.0);
                 // Both doubled: only directions matter.
                 (centre[axis], inward[axis]) = (lo - above, lo + above);
-                slack[axis] = SLACK * (centre[axis].abs() - inward[axis]);
+                // How far it reaches at all is −2 times the lesser of both.
+                inner[axis] = inward[axis] + 2.0 * SLACK * lesser(lo, above);
             }
             let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            let inner = [
-                inward[0] - slack[0],
-                inward[1] - slack[1],
-                inward[2] - slack[2],
-            ];
-            let frame = |r: usize, axis: usize| self.frame[r][axis][k];
-            let middle = |r| dot([frame(r, 0), frame(r, 1), frame(r, 2)], centre);
-            let reach = |r| {
-                let [x, y, z] = [frame(r, 0), frame(r, 1), frame(r, 2)];
-                dot([x.abs(), y.abs(), z.abs()], inner)
-            };
-            let top = middle(2) - reach(2);
-            let x = greater(middle(0).abs() + reach(0), 0.0);
-            let y = greater(middle(1).abs() + reach(1), 0.0);
-            let length = ((x * x + y * y) + top * top).sqrt();
-            let length = greater(length, greater(top, f32::MIN_POSITIVE));
-            seen.cos[k] = greater(top, 0.0) / length;
+            let middle = |row: [f32; 3]| dot(row, centre);
+            let reach = |[x, y, z]: [f32; 3]| dot([x.abs(), y.abs(), z.abs()], inner);
+            let (east, north) = (number(3), number(4));
+            let across = east * centre[0] + north * centre[1];
+            let across_reach = east.abs() * inner[0] + north.abs() * inner[1];
+            let x = greater(across.abs() + across_reach, 0.0);
+            let other = [number(5), number(6), number(7)];
+            let y = greater(middle(other).abs() + reach(other), 0.0);
+            let normal = [number(8), number(9), number(10)];
+            let top = middle(normal) - reach(normal);
+            seen.top[k] = top;
+            seen.length2[k] = (x * x + y * y) + top * top;
             seen.least2[k] = dot(nearest, nearest);
             seen.diagonal2[k] = dot(inward, inward);
         }
@@ -446,9 +482,15 @@ mod tests {
     #[test]
     fn boxes_side_by_side_are_seen_as_each_alone() {
         verify::property(5000, |u| {
-            let (a, b) = (point(u)?, point(u)?);
-            let normal = (b - a).try_normalize().unwrap_or(Vec3::Y);
-            let x = Receiver::new(a, normal);
+            let mut receivers = Vec::new();
+            let mut lanes = ReceiverLanes::<4>::NOWHERE;
+            for lane in 0..4 {
+                let (a, b) = (point(u)?, point(u)?);
+                let normal = (b - a).try_normalize().unwrap_or(Vec3::Y);
+                let x = Receiver::new(a, normal);
+                lanes.set(lane, &x);
+                receivers.push(x);
+            }
             let mut boxes = BoxLanes {
                 lo: [[0.0; 8]; 3],
                 hi: [[0.0; 8]; 3],
@@ -462,10 +504,10 @@ mod tests {
                 }
                 nodes.push(node);
             }
-            let seen = ReceiverLanes::splat(&x).see(&boxes);
-            for (k, node) in nodes.iter().enumerate() {
+            let seen = lanes.see(&boxes);
+            for (k, (node, x)) in nodes.iter().zip(receivers.iter().cycle()).enumerate() {
                 let alone = x.relative(node);
-                let side_by_side = [seen.cos[k], seen.least2[k], seen.diagonal2[k]];
+                let side_by_side = [seen.cos(k), seen.least2[k], seen.diagonal2[k]];
                 let each = [x.cos_bound(node), alone.least2(), alone.diagonal2()];
                 assert_eq!(
                     side_by_side.map(f32::to_bits),

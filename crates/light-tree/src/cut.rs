@@ -152,7 +152,7 @@ impl LightTree {
         }
         let mut bounds = [0.0; NODES];
         for k in 0..NODES {
-            bounds[k] = bound(seen.cos[k], intensity[k], seen.least2[k], nearest2[k]);
+            bounds[k] = bound(seen.cos(k), intensity[k], seen.least2[k], nearest2[k]);
         }
         bounds
     }

@@ -2,7 +2,7 @@
 
 use std::hint::select_unpredictable;
 
-use crate::bounds::{Receiver, ReceiverLanes};
+use crate::bounds::{Receiver, ReceiverLanes, SeenLanes};
 use crate::cut::Cut;
 use crate::pair_lanes::PairLanes;
 use crate::prefetch::prefetch;
@@ -107,12 +107,15 @@ impl Cuts {
                 prefetch(Some(*next));
             }
             let in_use = some.len().div_ceil(LANES);
+            groups[in_use - 1].look(tree, &load);
             let mut is_done = false;
             while !is_done {
                 is_done = true;
-                for group in &mut groups[..in_use] {
-                    group.step(tree, size as u32, &load);
-                    is_done &= group.goes_on == [false; LANES];
+                for i in 0..in_use {
+                    groups[i].look(tree, &load);
+                    let before = &mut groups[(i + in_use - 1) % in_use];
+                    before.split(tree, size as u32);
+                    is_done &= before.goes_on == [false; LANES];
                 }
             }
             for (i, _) in some.iter().enumerate() {
@@ -123,14 +126,18 @@ impl Cuts {
     }
 }
 
-/// Groups of cuts that take their steps in turn: each is one long chain of operations, of which the processor follows several at
-/// once.
+/// Groups of cuts that take their steps by turns, the first half of one with the second half of another: each is one long chain
+/// of operations, of which the processor follows several at once.
 const GROUPS: usize = 4;
 
 /// Cuts that are refined together. `NODES` is twice `LANES`.
 #[derive(Debug, Clone)]
 struct Group<const LANES: usize, const NODES: usize> {
-    receivers: ReceiverLanes<NODES>,
+    receivers: ReceiverLanes<LANES>,
+    /// Of the children of what is split.
+    seen: SeenLanes<NODES>,
+    intensity: [f32; NODES],
+    links: [u32; NODES],
     /// What has been in the cuts so far.
     entries: Vec<Entries<LANES>>,
     /// Clusters of each cut.
@@ -163,6 +170,9 @@ impl<const LANES: usize, const NODES: usize> Default for Group<LANES, NODES> {
     fn default() -> Self {
         Self {
             receivers: ReceiverLanes::NOWHERE,
+            seen: SeenLanes::NOTHING,
+            intensity: [0.0; NODES],
+            links: [0; NODES],
             entries: Vec::new(),
             counts: [0; LANES],
             split: [0; LANES],
@@ -178,7 +188,6 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
     fn begin(&mut self, receivers: &[&Receiver]) {
         for (lane, receiver) in receivers.iter().enumerate() {
             self.receivers.set(lane, receiver);
-            self.receivers.set(LANES + lane, receiver);
         }
         self.entries.clear();
         self.counts = [0; LANES];
@@ -202,16 +211,15 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         kept
     }
 
-    /// Splits a cluster of each cut that is not complete, and finds the next.
+    /// Looks at the children of what is split.
     #[allow(
         clippy::needless_range_loop,
         reason = "an iterator's adaptor would not be compiled for the wider instructions"
     )]
     #[inline(always)]
-    fn step(
+    fn look(
         &mut self,
         tree: &LightTree,
-        size: u32,
         load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
         let mut pairs = [&tree.pairs[0]; LANES];
@@ -219,8 +227,18 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
             pairs[k] = &tree.pairs[self.pair[k] as usize];
         }
         let children = load(pairs);
-        let seen = self.receivers.see(&children.boxes);
-        let bounds = tree.contribution_bounds(&seen, &children.intensity, &self.pair);
+        self.seen = self.receivers.see(&children.boxes);
+        (self.intensity, self.links) = (children.intensity, children.links);
+    }
+
+    /// Splits a cluster of each cut that is not complete, and finds the next.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
+    #[inline(always)]
+    fn split(&mut self, tree: &LightTree, size: u32) {
+        let bounds = tree.contribution_bounds(&self.seen, &self.intensity, &self.pair);
         let mut worst = [0.0; LANES];
         let mut place = [0; LANES];
         let mut links = [0; LANES];
@@ -244,7 +262,7 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
                 pair: [0; LANES],
             };
             for k in 0..LANES {
-                let (bound, link) = (bounds[c * LANES + k], children.links[c * LANES + k]);
+                let (bound, link) = (bounds[c * LANES + k], self.links[c * LANES + k]);
                 let is_lit = self.goes_on[k] & (bound > 0.0);
                 let bound = select_unpredictable(link & LEAF != 0, LEAF_BOUND, bound);
                 let bound = select_unpredictable(is_lit, bound, 0.0);

@@ -12,6 +12,7 @@ use crate::tree::Pair;
 
 /// `PAIRS` pairs of siblings: first the first of each, then the second of each, `NODES` in all.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
 pub(crate) struct PairLanes<const PAIRS: usize, const NODES: usize> {
     pub(crate) boxes: BoxLanes<NODES>,
     pub(crate) intensity: [f32; NODES],

@@ -2,11 +2,11 @@
 
 use std::hint::select_unpredictable;
 
-use crate::bounds::{Receiver, ReceiverLanes};
+use crate::bounds::{Receiver, ReceiverLanes, SeenLanes};
 use crate::light::LightId;
 use crate::pair_lanes::PairLanes;
 use crate::prefetch::{prefetch, prefetch_at};
-use crate::tree::{LEAF, LightTree, NodeId, Pair, light_of};
+use crate::tree::{LEAF, LightTree, NodeId, Pair};
 use crate::weight::NodeWeights;
 use crate::wide::by_width;
 
@@ -21,13 +21,32 @@ pub enum DeadBranch {
     Retry,
 }
 
-/// A light drawn from a cluster.
+/// A light drawn from a cluster. 16 bytes, and no more where there may be none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Selected {
     /// Which light.
     pub light: LightId,
     /// Probability of drawing it, given the cluster, in (0, 1].
     pub pmf: f64,
+    /// The other values that a byte can have stand for none.
+    is_there: Yes,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(u8)]
+enum Yes {
+    Yes,
+}
+
+impl Selected {
+    #[inline(always)]
+    pub(crate) fn new(light: LightId, pmf: f64) -> Self {
+        Self {
+            light,
+            pmf,
+            is_there: Yes::Yes,
+        }
+    }
 }
 
 /// The child of a node that a random number falls to.
@@ -106,8 +125,13 @@ struct Descending<'a> {
     weights: NodeWeights,
     receivers: &'a [&'a Receiver],
     starts: &'a [Start],
-    /// How many have begun.
+    /// How many starts are in runs.
     begun: usize,
+    /// How many runs are under way.
+    active: usize,
+    /// Most starts of a run: all of one receiver, which is put into a lane once for them, but as short as it takes for
+    /// all lanes to end about together.
+    longest_run: usize,
     drawn: &'a mut [Option<Selected>],
 }
 
@@ -116,7 +140,12 @@ struct Descending<'a> {
 #[repr(align(64))]
 struct Lanes<const LANES: usize, const NODES: usize> {
     /// As in [`PairLanes`].
-    receivers: ReceiverLanes<NODES>,
+    receivers: ReceiverLanes<LANES>,
+    /// What each chooses from.
+    intensity: [f32; NODES],
+    links: [u32; NODES],
+    seen: SeenLanes<NODES>,
+    weights: [[f32; LANES]; 2],
     /// Random numbers, rescaled at each level to [0, 1).
     u: [f64; LANES],
     pmf: [f64; LANES],
@@ -126,16 +155,44 @@ struct Lanes<const LANES: usize, const NODES: usize> {
     link: [u32; LANES],
     /// Whether each is over: 0 or 1.
     over: [u8; LANES],
-    /// Positions among the starts.
+    /// Positions among the starts, or [`NO_START`].
     slot: [usize; LANES],
-    /// A bit for each lane: whether there is a descent in it.
-    used: u32,
+    /// Where the run of starts that each goes through ends; 0 where there is none.
+    end: [usize; LANES],
 }
 
-/// Steps that are taken one after the other before the first lanes go on: by then what they asked of memory has arrived.
-const TURNS: usize = 4;
+/// The position of no start: the one after it is none either.
+const NO_START: usize = usize::MAX - 1;
 
-impl Descending<'_> {
+/// Groups of lanes that are renewed at once: of dozens of lanes some are always over, so that it cannot be guessed wrong.
+const RENEWED: usize = 8;
+/// Groups that take their steps by turns: when one goes on, what it asked of memory has arrived.
+const GROUPS: usize = 2 * RENEWED;
+/// Lanes of a group, where there are most.
+const WIDEST: usize = 8;
+/// Runs that a lane goes through at least, on average: then hardly any waits long for the last.
+const RUNS: usize = 8;
+
+impl<'a> Descending<'a> {
+    fn new(
+        tree: &'a LightTree,
+        weights: NodeWeights,
+        receivers: &'a [&'a Receiver],
+        starts: &'a [Start],
+        drawn: &'a mut [Option<Selected>],
+    ) -> Self {
+        Self {
+            tree,
+            weights,
+            receivers,
+            starts,
+            begun: 0,
+            active: 0,
+            longest_run: (starts.len() / (RUNS * GROUPS * WIDEST)).max(1),
+            drawn,
+        }
+    }
+
     /// Goes on with all to their ends.
     fn run(&mut self) {
         by_width!(self.run_avx512(), self.run_avx2(), self.run_plain())
@@ -164,49 +221,44 @@ impl Descending<'_> {
         &mut self,
         load: impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
-        let mut turns = [[Lanes::<LANES, NODES>::UNUSED; 2]; TURNS];
-        loop {
-            for i in 0..TURNS {
-                for lanes in &mut turns[(i + TURNS / 2) % TURNS] {
-                    self.renew(lanes);
+        let mut groups = [Lanes::<LANES, NODES>::UNUSED; GROUPS];
+        for turn in 0usize.. {
+            // The parts of a step in different turns: what one of them waits for has long been there when the next begins.
+            let before = |turns: usize| turn.wrapping_sub(turns) % GROUPS;
+            self.look(&mut groups[before(0)], &load);
+            self.weigh(&mut groups[before(1)]);
+            groups[before(2)].descend();
+            self.prefetch(&groups[before(3)]);
+            if turn.is_multiple_of(RENEWED) {
+                self.renew(&mut groups, before(RENEWED + 2));
+                if self.active == 0 {
+                    return;
                 }
-                for lanes in &turns[(i + TURNS - 1) % TURNS] {
-                    self.prefetch(lanes);
-                }
-                let [a, b] = &mut turns[i];
-                if a.used | b.used != 0 {
-                    // Two at a time: while one waits for a quotient the other goes on.
-                    let weighed = [self.weigh(a, &load), self.weigh(b, &load)];
-                    let [of_a, of_b] = weighed;
-                    a.descend(&of_a);
-                    b.descend(&of_b);
-                }
-            }
-            let mut used = 0;
-            for [a, b] in &turns {
-                used |= a.used | b.used;
-            }
-            if used == 0 {
-                return;
             }
         }
     }
 
-    /// Where a descent is over another begins.
+    /// Where a descent is over another begins, in so many groups from this one on.
     #[inline(always)]
-    fn renew<const LANES: usize, const NODES: usize>(&mut self, lanes: &mut Lanes<LANES, NODES>) {
+    fn renew<const LANES: usize, const NODES: usize>(
+        &mut self,
+        groups: &mut [Lanes<LANES, NODES>; GROUPS],
+        from: usize,
+    ) {
+        const { assert!(LANES * RENEWED <= 64, "a bit each") };
         let mut over = 0;
-        for k in 0..LANES {
-            over |= u64::from(lanes.over[k]) << (8 * k);
+        for i in 0..RENEWED {
+            over |= groups[(from + i) % GROUPS].over_bits() << (i * LANES);
         }
         while over != 0 {
-            let lane = over.trailing_zeros() as usize / 8;
+            let bit = over.trailing_zeros() as usize;
             over &= over - 1;
-            if lanes.used >> lane & 1 != 0 && lanes.pmf[lane] > 0.0 {
-                self.drawn[lanes.slot[lane]] = light_of(lanes.link[lane]).map(|light| Selected {
-                    light,
-                    pmf: lanes.pmf[lane],
-                });
+            let (lanes, lane) = (&mut groups[(from + bit / LANES) % GROUPS], bit % LANES);
+            if let Some(drawn) = self.drawn.get_mut(lanes.slot[lane]) {
+                let pmf = lanes.pmf[lane];
+                let light = LightId(lanes.link[lane] & !LEAF);
+                // Where nothing can light the receiver the last probability is no number, or 0.
+                *drawn = (pmf > 0.0).then_some(Selected::new(light, pmf));
             }
             self.begin(lanes, lane);
         }
@@ -220,33 +272,41 @@ impl Descending<'_> {
         }
     }
 
-    /// Weighs what each of the lanes chooses from.
+    /// Looks at what each of the lanes chooses from.
     #[allow(
         clippy::needless_range_loop,
         reason = "an iterator's adaptor would not be compiled for the wider instructions"
     )]
     #[inline(always)]
-    fn weigh<const LANES: usize, const NODES: usize>(
+    fn look<const LANES: usize, const NODES: usize>(
         &self,
-        lanes: &Lanes<LANES, NODES>,
+        lanes: &mut Lanes<LANES, NODES>,
         load: &impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
-    ) -> Weighed<LANES, NODES> {
-        let tree = self.tree;
-        let mut pairs = [&tree.pairs[0]; LANES];
+    ) {
+        let mut pairs = [&self.tree.pairs[0]; LANES];
         for k in 0..LANES {
-            pairs[k] = &tree.pairs[lanes.pair[k] as usize];
+            pairs[k] = &self.tree.pairs[lanes.pair[k] as usize];
         }
         let children = load(pairs);
-        let weights = match self.weights {
-            NodeWeights::Yuksel2019 if tree.directional.is_empty() => {
-                let seen = lanes.receivers.see(&children.boxes);
-                tree.weigh_seen(&seen, &children.intensity, &lanes.pair)
+        lanes.seen = lanes.receivers.see(&children.boxes);
+        (lanes.intensity, lanes.links) = (children.intensity, children.links);
+    }
+
+    /// Weighs it.
+    #[inline(always)]
+    fn weigh<const LANES: usize, const NODES: usize>(&self, lanes: &mut Lanes<LANES, NODES>) {
+        match self.weights {
+            NodeWeights::Yuksel2019 if self.tree.directional.is_empty() => {
+                let Lanes {
+                    intensity,
+                    seen,
+                    weights,
+                    pair,
+                    ..
+                } = lanes;
+                self.tree.weigh_seen(seen, intensity, pair, weights);
             }
-            _ => self.weigh_each(lanes),
-        };
-        Weighed {
-            weights,
-            links: children.links,
+            _ => lanes.weights = self.weigh_each(lanes),
         }
     }
 
@@ -257,25 +317,46 @@ impl Descending<'_> {
         lanes: &mut Lanes<LANES, NODES>,
         lane: usize,
     ) {
-        (lanes.pair[lane], lanes.u[lane], lanes.pmf[lane]) = (0, 0.0, 1.0);
-        lanes.used &= !(1 << lane);
-        while let Some(start) = self.starts.get(self.begun) {
-            let slot = self.begun;
-            self.begun += 1;
+        lanes.pair[lane] = 0;
+        loop {
+            lanes.slot[lane] += 1;
+            if lanes.slot[lane] >= lanes.end[lane] {
+                self.begin_run(lanes, lane);
+            }
+            let slot = lanes.slot[lane];
+            let Some(start) = self.starts.get(slot) else {
+                return;
+            };
             let node = self.tree.node(start.node);
             if let Some(first) = node.first_child() {
-                let receiver = self.receivers[start.receiver as usize];
-                lanes.receivers.set(lane, receiver);
-                lanes.receivers.set(LANES + lane, receiver);
+                (lanes.u[lane], lanes.pmf[lane]) = (start.u, 1.0);
                 lanes.pair[lane] = first.0 >> 1;
-                lanes.u[lane] = start.u;
-                lanes.slot[lane] = slot;
-                lanes.used |= 1 << lane;
                 prefetch_at(&self.tree.pairs, (first.0 >> 1) as usize);
                 return;
             }
-            self.drawn[slot] = node.light().map(|light| Selected { light, pmf: 1.0 });
+            self.drawn[slot] = node.light().map(|light| Selected::new(light, 1.0));
         }
+    }
+
+    /// Gives a lane the next run of starts, as far as there is one.
+    #[inline(always)]
+    fn begin_run<const LANES: usize, const NODES: usize>(
+        &mut self,
+        lanes: &mut Lanes<LANES, NODES>,
+        lane: usize,
+    ) {
+        self.active -= usize::from(lanes.end[lane] > 0);
+        (lanes.slot[lane], lanes.end[lane]) = (NO_START, 0);
+        let rest = &self.starts[self.begun..];
+        let Some(first) = rest.first() else { return };
+        let run = rest.iter().take(self.longest_run);
+        let run = run.take_while(|start| start.receiver == first.receiver);
+        let count = run.count();
+        (lanes.slot[lane], lanes.end[lane]) = (self.begun, self.begun + count);
+        self.begun += count;
+        self.active += 1;
+        let receiver = self.receivers[first.receiver as usize];
+        lanes.receivers.set(lane, receiver);
     }
 
     /// The children's weights by other formulas.
@@ -285,7 +366,7 @@ impl Descending<'_> {
         lanes: &Lanes<LANES, NODES>,
     ) -> [[f32; LANES]; 2] {
         let mut weights = [[0.0; LANES]; 2];
-        for k in (0..LANES).filter(|k| lanes.used >> k & 1 != 0) {
+        for k in (0..LANES).filter(|&k| lanes.end[k] > 0) {
             let receiver = self.receivers[self.starts[lanes.slot[k]].receiver as usize];
             let first = NodeId(2 * lanes.pair[k]);
             let [a, b] = self.tree.weigh(self.weights, receiver, first);
@@ -295,23 +376,16 @@ impl Descending<'_> {
     }
 }
 
-/// What lanes choose from, as in [`PairLanes`].
-struct Weighed<const LANES: usize, const NODES: usize> {
-    weights: [[f32; LANES]; 2],
-    links: [u32; NODES],
-}
-
 impl<const LANES: usize, const NODES: usize> Lanes<LANES, NODES> {
     /// All go one level down.
     #[inline(always)]
-    fn descend(&mut self, weighed: &Weighed<LANES, NODES>) {
+    fn descend(&mut self) {
         for k in 0..LANES {
             // Without a branch, so that the processor works on several steps at once.
-            let weights = [weighed.weights[0][k], weighed.weights[1][k]];
-            let chosen = choose_live(weights, self.u[k]);
+            let chosen = choose_live([self.weights[0][k], self.weights[1][k]], self.u[k]);
             self.u[k] = chosen.u;
             self.pmf[k] *= chosen.pmf;
-            let links = [weighed.links[k], weighed.links[LANES + k]];
+            let links = [self.links[k], self.links[LANES + k]];
             let link = select_unpredictable(chosen.is_right, links[1], links[0]);
             let is_over = (link & LEAF != 0) | chosen.is_dead;
             self.link[k] = link;
@@ -320,15 +394,28 @@ impl<const LANES: usize, const NODES: usize> Lanes<LANES, NODES> {
         }
     }
 
+    /// A bit for each lane that is over.
+    #[inline(always)]
+    fn over_bits(&self) -> u64 {
+        let mut bytes = [0; 8];
+        bytes[..LANES].copy_from_slice(&self.over);
+        // The product's last byte gathers the bits of all.
+        u64::from_le_bytes(bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56
+    }
+
     const UNUSED: Self = Self {
         receivers: ReceiverLanes::NOWHERE,
+        intensity: [0.0; NODES],
+        links: [0; NODES],
+        seen: SeenLanes::NOTHING,
+        weights: [[0.0; LANES]; 2],
         u: [0.0; LANES],
         pmf: [1.0; LANES],
         pair: [0; LANES],
         link: [0; LANES],
         over: [1; LANES],
-        slot: [0; LANES],
-        used: 0,
+        slot: [NO_START; LANES],
+        end: [0; LANES],
     };
 }
 
@@ -350,15 +437,8 @@ impl LightTree {
             DeadBranch::Stop => {
                 let before = drawn.len();
                 drawn.resize(before + starts.len(), None);
-                let mut descending = Descending {
-                    tree: self,
-                    weights,
-                    receivers,
-                    starts,
-                    begun: 0,
-                    drawn: &mut drawn[before..],
-                };
-                descending.run();
+                let drawn = &mut drawn[before..];
+                Descending::new(self, weights, receivers, starts, drawn).run();
             }
             DeadBranch::Retry => drawn.extend(starts.iter().map(|start| {
                 let receiver = receivers[start.receiver as usize];
@@ -437,10 +517,7 @@ impl LightTree {
         loop {
             match self.descend(weights, receiver, &mut now) {
                 Step::Leaf(light) => {
-                    return Some(Selected {
-                        light,
-                        pmf: now.pmf,
-                    });
+                    return Some(Selected::new(light, now.pmf));
                 }
                 Step::Deeper => {}
                 Step::Dead => return None,
@@ -471,10 +548,7 @@ impl LightTree {
             let before = now;
             match self.descend(weights, receiver, &mut now) {
                 Step::Leaf(light) => {
-                    return Some(Selected {
-                        light,
-                        pmf: now.pmf,
-                    });
+                    return Some(Selected::new(light, now.pmf));
                 }
                 Step::Deeper => {
                     let sibling = NodeId(now.node.0 ^ 1);

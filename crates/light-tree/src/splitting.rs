@@ -98,10 +98,8 @@ impl Splitter {
             for (i, visit) in self.active.iter().enumerate() {
                 let node = tree.node(visit.node);
                 let Some(first) = node.first_child() else {
-                    self.drawn.push(node.light().map(|light| Selected {
-                        light,
-                        pmf: visit.pmf,
-                    }));
+                    self.drawn
+                        .push(node.light().map(|light| Selected::new(light, visit.pmf)));
                     continue;
                 };
                 let pair = tree.weigh(weights, receiver, first);

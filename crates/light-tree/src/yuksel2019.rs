@@ -1,5 +1,7 @@
 //! Eq. (3) of Yuksel 2019, for one pair of siblings or several at once.
 
+use std::hint::select_unpredictable;
+
 use crate::bounds::{Receiver, ReceiverLanes, SeenLanes, lesser};
 use crate::pair_lanes::PairLanes;
 use crate::tree::{LightTree, NodeId};
@@ -11,13 +13,15 @@ impl LightTree {
     pub(crate) fn weigh_yuksel2019(&self, receiver: &Receiver, first: NodeId) -> PairWeights {
         let pair = &self.pairs[(first.0 >> 1) as usize];
         let lanes = PairLanes::<1, 2>::of([pair]);
-        let seen = ReceiverLanes::splat(receiver).see(&lanes.boxes);
+        let mut seen = ReceiverLanes::<1>::splat(receiver).see(&lanes.boxes);
         if !self.directional.is_empty() {
-            let lit = [0, 1].map(|k| seen.cos[k] * lanes.intensity[k]);
+            let lit = [0, 1].map(|k| seen.cos(k) * lanes.intensity[k]);
             return self.with_parallel(receiver, first, lit, seen.least2, seen.diagonal2);
         }
-        let [[a], [b]] = self.weigh_seen(&seen, &lanes.intensity, &[first.0 >> 1]);
-        [a, b]
+        let mut weights = [[0.0]; 2];
+        let pair = [first.0 >> 1];
+        self.weigh_seen(&mut seen, &lanes.intensity, &pair, &mut weights);
+        [weights[0][0], weights[1][0]]
     }
 
     /// Weights of the first and of the second of `PAIRS` pairs of siblings, whose places are `pairs`, where no light is without
@@ -27,64 +31,64 @@ impl LightTree {
     #[inline(always)]
     pub(crate) fn weigh_seen<const PAIRS: usize, const NODES: usize>(
         &self,
-        seen: &SeenLanes<NODES>,
+        seen: &mut SeenLanes<NODES>,
         intensity: &[f32; NODES],
         pairs: &[u32; PAIRS],
-    ) -> [[f32; PAIRS]; 2] {
-        let mut lit = [0.0f32; NODES];
-        let mut is_near = [false; NODES];
-        for k in 0..NODES {
-            lit[k] = seen.cos[k] * intensity[k];
-            // A light alone in its box, at the receiver, is near as well.
-            is_near[k] = seen.least2[k] <= seen.diagonal2[k];
-        }
+        weights: &mut [[f32; PAIRS]; 2],
+    ) {
+        // A light alone in its box, at the receiver, is near as well.
+        let is_near = |seen: &SeenLanes<NODES>, k: usize| {
+            (seen.least2[k] <= seen.diagonal2[k])
+                | (seen.least2[PAIRS + k] <= seen.diagonal2[PAIRS + k])
+        };
         let mut is_close = false;
         for k in 0..PAIRS {
             let least2 = lesser(seen.least2[k], seen.least2[PAIRS + k]);
-            is_close |= (least2 < self.greatest_dist2) & !(is_near[k] | is_near[PAIRS + k]);
+            is_close |= (least2 < self.greatest_dist2) & !is_near(seen, k);
         }
-        let mut least2 = seen.least2;
         if is_close {
-            least2 = self.floored(least2, pairs);
+            self.floor(seen, pairs);
         }
-        let mut weights = [[0.0f32; PAIRS]; 2];
+        let mut lit = [0.0; NODES];
+        for k in 0..NODES {
+            lit[k] = seen.cos(k) * intensity[k];
+        }
         let mut is_sound = true;
         for k in 0..PAIRS {
             let other = PAIRS + k;
             // Only the ratio of the distances matters. Not near means not 0.
-            let ratio = least2[k] / least2[other];
-            let ratio = if is_near[k] | is_near[other] {
-                1.0
-            } else {
-                ratio
-            };
-            weights[0][k] = lit[k];
-            weights[1][k] = lit[other] * ratio;
-            let sum = weights[0][k] + weights[1][k];
+            let ratio = seen.least2[k] / seen.least2[other];
+            let ratio = select_unpredictable(is_near(seen, k), 1.0, ratio);
+            let [first, second] = [lit[k], lit[other] * ratio];
+            (weights[0][k], weights[1][k]) = (first, second);
+            let sum = first + second;
             // Not finite, or nothing though something is lit.
             let is_dark = (lit[k] == 0.0) & (lit[other] == 0.0);
             is_sound &= (sum < f32::INFINITY) & ((sum > 0.0) | is_dark);
         }
         if !is_sound {
-            weights = all_sound(weights, lit);
+            make_sound(weights, seen, intensity);
         }
-        weights
     }
 
-    /// Squared distances, where they are less than what tells the lights of a node apart, that.
+    /// Raises squared distances, where pairs are not near, to what tells the lights of a node apart.
     #[inline(never)]
-    fn floored<const PAIRS: usize, const NODES: usize>(
+    fn floor<const PAIRS: usize, const NODES: usize>(
         &self,
-        mut all: [f32; NODES],
+        seen: &mut SeenLanes<NODES>,
         pairs: &[u32; PAIRS],
-    ) -> [f32; NODES] {
-        for (lane, least2) in all.iter_mut().enumerate() {
-            if *least2 < self.greatest_dist2 {
-                let node = NodeId(2 * pairs[lane % PAIRS] + (lane / PAIRS) as u32);
-                *least2 = least2.max(self.least_dist2(node));
+    ) {
+        for k in 0..PAIRS {
+            let is_near =
+                (0..2).any(|c| seen.least2[c * PAIRS + k] <= seen.diagonal2[c * PAIRS + k]);
+            for c in (0..2).filter(|_| !is_near) {
+                let lane = c * PAIRS + k;
+                if seen.least2[lane] < self.greatest_dist2 {
+                    let node = NodeId(2 * pairs[k] + c as u32);
+                    seen.least2[lane] = seen.least2[lane].max(self.least_dist2(node));
+                }
             }
         }
-        all
     }
 
     /// The weights of a pair where there are lights without falloff.
@@ -114,13 +118,14 @@ impl LightTree {
 
 /// [`sound`] of each pair.
 #[cold]
-fn all_sound<const PAIRS: usize, const NODES: usize>(
-    mut weights: [[f32; PAIRS]; 2],
-    lit: [f32; NODES],
-) -> [[f32; PAIRS]; 2] {
+fn make_sound<const PAIRS: usize, const NODES: usize>(
+    weights: &mut [[f32; PAIRS]; 2],
+    seen: &SeenLanes<NODES>,
+    intensity: &[f32; NODES],
+) {
+    let lit = |lane: usize| seen.cos(lane) * intensity[lane];
     for k in 0..PAIRS {
-        let [a, b] = sound([weights[0][k], weights[1][k]], [lit[k], lit[PAIRS + k]]);
+        let [a, b] = sound([weights[0][k], weights[1][k]], [lit(k), lit(PAIRS + k)]);
         (weights[0][k], weights[1][k]) = (a, b);
     }
-    weights
 }

@@ -29,7 +29,7 @@ pub use discrete::Discrete;
 pub use ggx::{ggx_density, ggx_reflected, ggx_visibility, ggx_visible_normal};
 #[cfg(feature = "extreme")]
 pub use rng::Extreme;
-pub use rng::{Purpose, Rng};
+pub use rng::{Numbers, Purpose, Rng};
 pub use sequence::Sequence;
 pub use warp::{
     Frame, cosine_hemisphere, uniform_cone, uniform_disc, uniform_sphere, uniform_triangle,

@@ -45,14 +45,19 @@ impl<T> Ahead<T> {
         self.taken = 0;
     }
 
-    /// Adds a point with its items.
-    pub(super) fn push(&mut self, x: &GatherPoint, items: impl IntoIterator<Item = T>) {
-        self.items.extend(items);
+    /// Adds a point, whose items are the next `count`.
+    pub(super) fn push(&mut self, x: &GatherPoint, count: usize) {
+        let from = self.points.last().map_or(0, |last| last.end);
         self.points.push(Point {
             slot: x.slot,
             bounce: x.bounce,
-            end: self.items.len(),
+            end: from + count,
         });
+    }
+
+    /// The items of all points, in their order, to append some.
+    pub(super) fn items(&mut self) -> &mut Vec<T> {
+        &mut self.items
     }
 
     /// Whether `x` is the next point.
@@ -112,7 +117,8 @@ mod tests {
         assert!(!ahead.has(&points[0]), "nothing was drawn yet");
         let lists = [vec![1, 2], vec![], vec![3]];
         for (x, list) in points.iter().zip(&lists) {
-            ahead.push(x, list.iter().copied());
+            ahead.push(x, list.len());
+            ahead.items().extend(list);
         }
         for (i, list) in lists.iter().enumerate() {
             assert!(ahead.has(&points[i]) && !ahead.has(&points[i + 1]), "{i}");

@@ -152,14 +152,13 @@ pub struct StochasticLightcutsScratch {
     cut: Cut,
     cuts: Cuts,
     starts: Vec<Start>,
-    selected: Vec<Option<Selected>>,
     ahead: Ahead<Option<Selected>>,
     sampled: SampledCut,
     shared: SharedCuts,
 }
 
 /// Points whose lights are drawn together: so many that hardly any lane is ever idle, so few that all stays in the cache.
-const TOGETHER: usize = 512;
+const TOGETHER: usize = 2048;
 
 impl StochasticLightcuts<'_> {
     /// Draws lights for `points`, with the random numbers of each.
@@ -177,7 +176,6 @@ impl StochasticLightcuts<'_> {
         let StochasticLightcutsScratch {
             cuts,
             starts,
-            selected,
             ahead,
             shared,
             ..
@@ -189,7 +187,6 @@ impl StochasticLightcuts<'_> {
                 cuts.refine(tree, weights, &receivers, size);
             }
             starts.clear();
-            selected.clear();
             for (i, x) in points.iter().enumerate() {
                 let nodes = match (is_shared, shared.next()) {
                     (false, _) => cuts.of(i),
@@ -199,25 +196,17 @@ impl StochasticLightcuts<'_> {
                         cuts.of(0)
                     }
                 };
-                let mut rng = stream(x);
-                starts.extend(nodes.iter().map(|&node| Start {
+                ahead.push(x, nodes.len());
+                let numbers = stream(x).numbers();
+                starts.extend(nodes.iter().zip(numbers).map(|(&node, u)| Start {
                     receiver: i as u32,
                     node,
-                    u: rng.f64(),
+                    u,
                 }));
             }
             eval.mark(Phase::Cut);
             let dead_branch = self.spec.dead_branch();
-            tree.select_each(weights, dead_branch, &receivers, starts, selected);
-            let mut from = 0;
-            for (i, x) in points.iter().enumerate() {
-                let own = starts[from..]
-                    .iter()
-                    .take_while(|start| start.receiver == i as u32);
-                let to = from + own.count();
-                ahead.push(x, selected[from..to].iter().copied());
-                from = to;
-            }
+            tree.select_each(weights, dead_branch, &receivers, starts, ahead.items());
             eval.mark(Phase::Select);
         }
     }

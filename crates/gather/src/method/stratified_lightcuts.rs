@@ -149,8 +149,9 @@ impl StratifiedLightcuts<'_> {
             }
             scratch.descents.descend(tree);
             for (i, x) in points.iter().enumerate() {
-                let drawn = scratch.descents.drawn(i).iter().copied();
-                scratch.ahead.push(x, drawn);
+                let drawn = scratch.descents.drawn(i);
+                scratch.ahead.push(x, drawn.len());
+                scratch.ahead.items().extend(drawn);
             }
             eval.mark(Phase::Select);
         }

@@ -120,6 +120,8 @@ fn many_descents_at_once_draw_what_each_draws_alone() {
                 u: f64::from(u.arbitrary::<u32>()?) / 4_294_967_296.0,
             });
         }
+        starts.sort_by_key(|start| start.receiver);
+        let longest_run = u.int_in_range(1..=20)?;
         for weights in NodeWeights::ALL {
             let alone: Vec<_> = starts
                 .iter()
@@ -133,28 +135,19 @@ fn many_descents_at_once_draw_what_each_draws_alone() {
             tree.select_each(weights, DeadBranch::Stop, &receivers, &starts, &mut drawn);
             assert_eq!(drawn[1..], alone, "{weights:?}");
             // The same by narrower instructions.
-            let run = |run: fn(&mut Descending<'_>)| {
+            let run = |run: fn(Descending<'_>)| {
                 let mut drawn = vec![None; starts.len()];
-                run(&mut Descending {
-                    tree: &tree,
-                    weights,
-                    receivers: &receivers,
-                    starts: &starts,
-                    begun: 0,
-                    drawn: &mut drawn,
-                });
+                let mut all = Descending::new(&tree, weights, &receivers, &starts, &mut drawn);
+                all.longest_run = longest_run;
+                run(all);
                 drawn
             };
-            assert_eq!(
-                run(|descending| descending.run_plain()),
-                alone,
-                "{weights:?}, plain"
-            );
+            assert_eq!(run(|mut all| all.run_plain()), alone, "{weights:?}, plain");
             #[cfg(target_arch = "x86_64")]
             if std::arch::is_x86_feature_detected!("avx2") {
                 #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
                 // SAFETY: this one has.
-                let drawn = run(|descending| unsafe { descending.run_avx2() });
+                let drawn = run(|mut all| unsafe { all.run_avx2() });
                 assert_eq!(drawn, alone, "{weights:?}, AVX2");
             }
         }
