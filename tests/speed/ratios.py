@@ -9,8 +9,8 @@
 - set-up: the report's `seconds` and `bytes`, two threads;
 - a light sample: `cut`, `select`, `evaluate` and `shadow` over the number of light samples, in the same renders;
 - two threads: seconds of the render by one thread over those by two;
-- what a scene lacks: seconds of the render of Conference, which has no textures, over those of the same with a white texture and an
-  opacity map without holes on each of its materials; its pixels must be the same to the bit;
+- what a scene lacks: seconds for lights, tree and render of a plain scene over those of the same with a feature forced on that brings it nothing
+  (`MATERIALS` and what follows); the report must list it as skipped and as needed, and pixels be the same to the bit but where `OTHER_BITS` says why not;
 - rays: rates over those of Embree's single rays, by `tests/peers/against_embree.rs`, which `cargo` builds.
 
 All but the last are clocks of threads: the machine should do nothing else. What is compared takes turns, round by round, each round with a
@@ -22,6 +22,7 @@ import argparse
 import json
 import operator
 import os
+import random
 import re
 import statistics
 import struct
@@ -125,41 +126,109 @@ def white(path):
         file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b""))
 
 
-def dressed(source, folder, map_names):
-    """Writes a scene as it is in `source` with these maps, all white, on each material; returns its run file without its end."""
+# How Conference, without its own gloss, is made to need what it lacks, by what brings nothing a picture could hold: white textures, an opacity map
+# without holes, gloss that is lost in rounding, cones of every direction in place of points, a sun that is lost in rounding.
+MATERIALS = {
+    "textures": ["map_Kd white.png"],
+    "cut-outs": ["map_d white.png"],
+    "glossy surfaces": ["Ks 1e-30 1e-30 1e-30", "Ns 0"],
+}
+SUN = "Directional(direction: (0.3, -1, 0.2), irradiance: (1e-30, 1e-30, 1e-30))"
+# Lamps below a ceiling, and as many virtual lights on it: a path goes on from it and meets nothing, and its own virtual lights are on its horizon.
+LAMPS = 30_000
+CEILING = {
+    "eye paths that bounce": ("--set", "integrator=Path(max_bounces: 5)"),
+    "virtual lights": ("--set", f"lights=Virtual(count: {LAMPS})"),
+}
+# Lights that bring nothing are left out of the sums, but not everywhere out of the choice: other lights are drawn, and the picture is as noisy.
+# `best` shares cuts among points, so that dark clusters have places in them as well, and does not tell a light that shines anywhere from lights
+# that face anywhere. Of a cut the sun takes a place; of a single light drawn from the whole tree it takes less than rounding does.
+OTHER_BITS = {("best", "spot lights"), ("best", "directional lights"), ("best", "virtual lights")}
+ONE_LIGHT = {("stochastic-lightcuts", "directional lights"): ("--set", "method.cut=1")}
+
+
+def conference(folder, material=(), lights=None):
+    """Writes a matte Conference, with these lines for each material, and with these lights or its own; returns its run file without its end."""
+    source = os.path.join(os.environ["MANYLIGHT_SCENES"], "conference")
     os.makedirs(folder, exist_ok=True)
     white(os.path.join(folder, "white.png"))
     corner = re.compile(r"(?<= )(\d+)(?:/\d*)?")
+    own = '[Points("lights.ron")]'
     for name in ("scene.obj", "scene.mtl", "scene.ron", "lights.ron"):
         with open(os.path.join(source, name)) as read, open(os.path.join(folder, name), "w") as write:
             if name == "scene.obj":
                 write.write("vt 0.5 0.5\n")
             for line in read:
-                write.write(corner.sub(r"\1/1", line) if line.startswith("f ") else line)
-                if name == "scene.mtl" and line.startswith("newmtl "):
-                    write.writelines(f"{map_name} white.png\n" for map_name in map_names)
+                if line.startswith(("Ks ", "Ns ")):
+                    continue
+                write.write(corner.sub(r"\1/1", line) if line.startswith("f ") else line.replace(own, lights or own))
+                if line.startswith("newmtl "):
+                    write.writelines(added + "\n" for added in material)
+    return run_file(folder)
+
+
+def ceiling(folder):
+    """Writes lamps below a ceiling; returns its run file without its end."""
+    os.makedirs(folder, exist_ok=True)
+    draw = random.Random(1).uniform
+    place = lambda: (draw(-1.5, 1.5), draw(-8.1, -7.9), draw(-1.5, 1.5))
+    lamps = [f"(position: {place()}, intensity: {tuple(draw(0.01, 0.1) for _ in range(3))})" for _ in range(LAMPS)]
+    files = {
+        "scene.mtl": "newmtl ceiling\nKd 0.5 0.5 0.5\n",
+        "scene.obj": "mtllib scene.mtl\nusemtl ceiling\nv -8 0 -8\nv -8 0 8\nv 8 0 8\nv 8 0 -8\nf 1 2 3 4\n",
+        "lights.ron": "[" + ",\n".join(lamps) + "]\n",
+        "scene.ron": '(geometry: ["scene.obj"], lights: [Points("lights.ron")],\n'
+                     "camera: (origin: (0, -6, 0.1), target: (0, 0, 0), up: (0, 1, 0), fov_y_deg: 30))\n",
+    }
+    for name, text in files.items():
+        with open(os.path.join(folder, name), "w") as file:
+            file.write(text)
+    return run_file(folder)
+
+
+def run_file(folder):
+    """Writes the run file of the scene in `folder`; returns it without its end."""
     run = os.path.join(os.path.abspath(folder), "run")
     with open(run + ".ron", "w") as file:
         file.write('(scene: "scene.ron", seed: 1)\n')
     return run
 
 
-def lacking(renders):
-    """What a scene without textures and cut-outs saves."""
-    source = os.path.join(os.environ["MANYLIGHT_SCENES"], "conference")
-    scenes = {name: dressed(source, os.path.join(renders.given.out, name), maps) for name, maps in
-              {"plain": [], "textured": ["map_Kd"], "cut out": ["map_d"]}.items()}
-    reports = {name: [] for name in scenes}
-    pictures = {name: os.path.join(renders.given.out, "lacking " + name + ".exr") for name in scenes}
+def lacking(renders, has_scenes):
+    """What a scene without a feature saves: the same scene with and without its code path forced on."""
+    folder = lambda name: os.path.join(renders.given.out, name)
+    bare = ceiling(folder("ceiling"))
+    pairs = {feature: (bare, bare, settings) for feature, settings in CEILING.items()}
+    if has_scenes:
+        with open(os.path.join(os.environ["MANYLIGHT_SCENES"], "conference", "lights.ron")) as file:
+            points = re.findall(r"\(position: (\(.*?\)), intensity: (\(.*?\))\)", file.read())
+        spots = [f"Spot(position: {p}, direction: (0, -1, 0), intensity: {i}, cos_inner: -1, cos_outer: -1)" for p, i in points]
+        plain = conference(folder("plain"))
+        dressed = {feature: conference(folder(feature), material=lines) for feature, lines in MATERIALS.items()}
+        dressed["spot lights"] = conference(folder("spot lights"), lights="[" + ", ".join(spots) + "]")
+        dressed["directional lights"] = conference(folder("directional lights"), lights=f'[Points("lights.ron"), {SUN}]')
+        pairs |= {feature: (plain, run, ()) for feature, run in dressed.items()}
+    for feature, (plain, run, settings) in pairs.items():
+        for method in METHODS:
+            without_and_with(renders, feature, method, (plain, run), settings)
+
+
+def without_and_with(renders, feature, method, runs, settings):
+    """The row of one feature and method: `settings` come with the feature."""
+    one_light = ONE_LIGHT.get((method, feature), ())
+    seconds = ([], [])
     for _ in range(renders.given.rounds):
-        for name, run in scenes.items():
-            reports[name].append(renders.report(run, "best", 1, "--seed", "1"))
-            os.replace(os.path.join(renders.given.out, "ratios.exr"), pictures[name])
-    for name in ("textured", "cut out"):
-        compared = [renders.given.manylight, "compare", pictures["plain"], pictures[name], "--max-relmse", "0"]
-        subprocess.run(compared, check=True, stdout=subprocess.DEVNULL)
-        pairs = zip(reports["plain"], reports[name])
-        row(f"render of a plain scene / of the same {name}, same bits", "< 1", [a["seconds"]["render"] / b["seconds"]["render"] for a, b in pairs])
+        for run, more, taken, lists in zip(runs, ((), settings), seconds, ("skipped", "needs")):
+            report = renders.report(run, method, 1, "--seed", "1", *one_light, *more)
+            assert feature in report[lists], f"{feature}: {report}"
+            taken.append(sum(report["seconds"][part] for part in ("lights", "tree", "render")))
+            os.replace(os.path.join(renders.given.out, "ratios.exr"), os.path.join(renders.given.out, lists + ".exr"))
+    same = (method, feature) not in OTHER_BITS
+    if same:
+        pictures = [os.path.join(renders.given.out, lists + ".exr") for lists in ("skipped", "needs")]
+        subprocess.run([renders.given.manylight, "compare", *pictures, "--max-relmse", "0"], check=True, stdout=subprocess.DEVNULL)
+    what = f"without {feature} / with, {'same' if same else 'other'} bits, `{method}`{', one light a point' if one_light else ''}"
+    row(what, "<= 1", [a / b for a, b in zip(*seconds)])
 
 
 def rays(library, scenes):
@@ -197,9 +266,8 @@ def main():
     for scene in (s for s in ("nave", "sponza") if s in scenes):
         loading(renders, scene)
         threads(renders, scene)
-    if has_scenes:
-        lacking(renders)
-    else:
+    lacking(renders, has_scenes)
+    if not has_scenes:
         print("\nSkipped: Sibenik, Sponza and Conference; set MANYLIGHT_SCENES.")
     if not given.embree:
         print("\nSkipped: rays against Embree's; give --embree.")

@@ -74,8 +74,8 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use light_tree::{
-    EnergyVariance, LightKind, LightOrder, LightSet, LightTree, Representatives, TreeBuilder,
-    WideTree,
+    Directions, EnergyVariance, LightKind, LightOrder, LightSet, LightTree, NodeWeights,
+    Representatives, TreeBuilder, WideTree,
 };
 
 /// A tree for methods that let one light stand for others of its kind.
@@ -93,6 +93,8 @@ pub struct Inputs {
     pub lights: LightSet,
     builder: TreeBuilder,
     tree: OnceLock<Option<LightTree>>,
+    /// The same without directions.
+    bare_tree: OnceLock<Option<LightTree>>,
     wide_tree: OnceLock<Option<WideTree>>,
     clusters: OnceLock<Option<Clusters>>,
     light_order: OnceLock<Option<LightOrder>>,
@@ -106,6 +108,7 @@ impl Inputs {
             lights,
             builder,
             tree: OnceLock::new(),
+            bare_tree: OnceLock::new(),
             wide_tree: OnceLock::new(),
             clusters: OnceLock::new(),
             light_order: OnceLock::new(),
@@ -113,10 +116,22 @@ impl Inputs {
         }
     }
 
-    /// The tree; `None` when there is no light.
+    /// The tree, where lights point included; `None` when there is no light.
     pub fn tree(&self) -> Option<&LightTree> {
         self.tree
             .get_or_init(|| LightTree::build(&self.lights, self.builder))
+            .as_ref()
+    }
+
+    /// A tree for methods that only weigh by `weights`: without directions where these do not look at them, unless [`tree`](Self::tree) is
+    /// there already. `None` when there is no light.
+    pub fn tree_for(&self, weights: NodeWeights) -> Option<&LightTree> {
+        let directions = weights.directions();
+        if directions == Directions::Kept || self.tree.get().is_some() {
+            return self.tree();
+        }
+        self.bare_tree
+            .get_or_init(|| LightTree::build_with(&self.lights, self.builder, directions))
             .as_ref()
     }
 
@@ -155,7 +170,7 @@ impl Inputs {
     /// no light.
     pub fn clusters(&self) -> Option<(&LightTree, &Representatives)> {
         let clusters = self.clusters.get_or_init(|| self.choose()).as_ref()?;
-        let tree = clusters.tree.as_ref().or_else(|| self.built_tree())?;
+        let tree = clusters.tree.as_ref().or_else(|| self.tree())?;
         Some((tree, &clusters.representatives))
     }
 
@@ -187,7 +202,45 @@ impl Inputs {
 
     /// The tree if some method asked for it.
     pub fn built_tree(&self) -> Option<&LightTree> {
-        let common = self.tree.get().and_then(Option::as_ref);
+        let common = self.tree.get().or_else(|| self.bare_tree.get());
+        let common = common.and_then(Option::as_ref);
         common.or_else(|| self.clusters.get()?.as_ref()?.tree.as_ref())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use light_tree::VirtualLight;
+
+    use super::*;
+
+    #[test]
+    fn directions_are_kept_only_for_weights_that_look_at_them() {
+        let inputs = || {
+            let mut lights = LightSet::default();
+            for i in 0..9u8 {
+                lights.push_virtual(&VirtualLight {
+                    position: Vec3::splat(f32::from(i)),
+                    normal: Vec3::Y,
+                    intensity: Vec3::ONE,
+                    gloss: None,
+                });
+            }
+            Inputs::new(lights, TreeBuilder::Binned)
+        };
+        let at = |tree: Option<&LightTree>| tree.map(std::ptr::from_ref);
+        let (blind, seeing) = (NodeWeights::Yuksel2019, NodeWeights::MinMax);
+        let alone = inputs();
+        let bare = alone.tree_for(blind).expect("has lights").bytes();
+        assert!(alone.tree.get().is_none(), "no other tree");
+        assert_eq!(at(alone.built_tree()), at(alone.tree_for(blind)), "counted");
+        let full = alone.tree_for(seeing).expect("has lights").bytes();
+        assert!(bare < full, "{bare} and {full} bytes");
+        // Whoever comes later uses what is there.
+        let shared = inputs();
+        let full = at(shared.tree());
+        assert_eq!(at(shared.tree_for(blind)), full, "no second tree");
+        assert!(shared.bare_tree.get().is_none(), "no second tree");
     }
 }

@@ -15,7 +15,7 @@ use crate::cone::Cone;
 use crate::emission::{Emission, Profile};
 use crate::light::{LightId, LightKind, luminance};
 use crate::lights::LightSet;
-use crate::tree::{LightTree, MAX_LIGHTS, Node, Pair};
+use crate::tree::{Directions, Floor, LightTree, MAX_LIGHTS, Node, Pair};
 use few::{FEW, Joined};
 use morton::Curve;
 
@@ -62,7 +62,9 @@ struct Context {
     curve: Curve,
     /// For the agglomerative build: size of the first child of the inner node at each pair's index.
     first_sizes: Vec<u32>,
+    /// Whether lights have directions, and whether the tree keeps them.
     oriented: bool,
+    keeps_directions: bool,
     /// Squared diagonal of the box around everything: c² of the published metric.
     diagonal2: f32,
     /// c² of the metric of the binned build, 0 where lights have no directions.
@@ -129,7 +131,7 @@ struct Out<'a> {
     cones: &'a mut [[Cone; 2]],
     profiles: &'a mut [[Profile; 2]],
     directional: &'a mut [[f32; 2]],
-    least_dist2: &'a mut [[f32; 2]],
+    least_dist2: &'a mut [[Floor; 2]],
     /// Index of `pairs[0]` in the whole tree.
     first: u32,
 }
@@ -209,7 +211,12 @@ impl Apart {
     }
 }
 
-pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Option<LightTree> {
+pub(crate) fn build(
+    lights: &LightSet,
+    builder: TreeBuilder,
+    apart: Apart,
+    directions: Directions,
+) -> Option<LightTree> {
     let n = lights.len();
     assert!(
         n <= MAX_LIGHTS,
@@ -240,7 +247,9 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
     let positional = n - distant;
 
     let oriented = items.iter().any(|i| i.axis != Vec3::ZERO);
-    let profiled = lights.count(LightKind::Spot) + lights.count(LightKind::Triangle) > 0;
+    // Weights of lights without falloff look at where they travel.
+    let keeps_directions = oriented && (directions == Directions::Kept || distant > 0);
+    let has_profiles = lights.count(LightKind::Spot) + lights.count(LightKind::Triangle) > 0;
     let (lo, hi) = position_bounds(&items[..positional]);
     let diagonal2 = if positional > 0 {
         (hi - lo).length_squared()
@@ -252,6 +261,7 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         curve: Curve::over(lo, hi),
         first_sizes: Vec::new(),
         oriented,
+        keeps_directions,
         diagonal2,
         c2: match (oriented, diagonal2 > 0.0) {
             (true, true) => diagonal2 * binned::DIRECTION,
@@ -265,10 +275,13 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
 
     let if_any = |is_any| if is_any { n } else { 0 };
     let mut pairs = filled(Pair([Node::UNUSED; 2]), n);
-    let mut cones = filled([Cone::SPHERE; 2], if_any(oriented));
-    let mut profiles = filled([Profile::default(); 2], if_any(profiled));
+    let mut cones = filled([Cone::SPHERE; 2], if_any(keeps_directions));
+    let mut profiles = filled(
+        [Profile::default(); 2],
+        if_any(keeps_directions && has_profiles),
+    );
     let mut directional = filled([0.0; 2], if_any(distant > 0));
-    let mut least_dist2 = filled([0.0; 2], if_any(differ_in_radius(lights)));
+    let mut least_dist2 = filled([Floor::ZERO; 2], if_any(differ_in_radius(lights)));
     let out = Out {
         pairs: &mut pairs[1..],
         cones: below(&mut cones),
@@ -289,7 +302,7 @@ pub(crate) fn build(lights: &LightSet, builder: TreeBuilder, apart: Apart) -> Op
         d[0] = root.directional;
     }
     if let Some(d) = least_dist2.first_mut() {
-        d[0] = root.least_dist2;
+        d[0] = Floor::of(root.least_dist2);
     }
     Some(LightTree {
         pairs,
@@ -396,7 +409,7 @@ fn parent(context: &Context, own: Out<'_>, l: Top, r: Top) -> Top {
         *d = [l.directional, r.directional];
     }
     if let Some(d) = own.least_dist2.first_mut() {
-        *d = [l.least_dist2, r.least_dist2];
+        *d = [l, r].map(|top| Floor::of(top.least_dist2));
     }
     Top {
         node: Node::inner(
@@ -405,7 +418,7 @@ fn parent(context: &Context, own: Out<'_>, l: Top, r: Top) -> Top {
             l.node.intensity + r.node.intensity,
             2 * own.first,
         ),
-        emission: if context.oriented {
+        emission: if context.keeps_directions {
             l.emission.union(r.emission)
         } else {
             Emission::ANY

@@ -56,6 +56,6 @@ pub use representative::Representatives;
 pub use select::{Chosen, DeadBranch, Selected, Start};
 pub use shared_cut::SharedCut;
 pub use splitting::{Splitter, SplittingRule};
-pub use tree::{LightTree, Node, NodeId};
+pub use tree::{Directions, LightTree, Node, NodeId};
 pub use weight::NodeWeights;
 pub use wide::WideTree;

@@ -95,12 +95,44 @@ impl Node {
 #[repr(C, align(64))]
 pub(crate) struct Pair(pub(crate) [Node; 2]);
 
+/// A squared distance that others are no less than, in half the memory: the upper half of a floating-point number ≥ 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Floor(u16);
+
+impl Floor {
+    /// None at all.
+    pub(crate) const ZERO: Self = Self(0);
+
+    /// Of a number ≥ 0, rounded down, by less than a part in 128: the least of several is that of the least.
+    #[inline]
+    pub(crate) fn of(dist2: f32) -> Self {
+        Self((dist2.to_bits() >> 16) as u16)
+    }
+
+    #[inline(always)]
+    pub(crate) fn get(self) -> f32 {
+        f32::from_bits(u32::from(self.0) << 16)
+    }
+}
+
+/// Whether a tree keeps where its lights point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Directions {
+    /// It does, for weights and bounds that look at it.
+    #[default]
+    Kept,
+    /// Only where there are lights without falloff, which cannot do without: for [`NodeWeights`](crate::NodeWeights) that do not
+    /// [look at it](crate::NodeWeights::directions). A light takes a third less memory. Other weights and bounds hold as
+    /// well, as of lights that may point anywhere.
+    Dropped,
+}
+
 /// A binary hierarchy with one light a leaf, over all lights of a [`LightSet`].
 #[derive(Debug, Clone)]
 pub struct LightTree {
     /// `pairs[0]` holds the root and an unused slot; children of one parent form one pair.
     pub(crate) pairs: Vec<Pair>,
-    /// One per node: emission axes, or travel directions, of the lights below. Empty when all lights are omni.
+    /// One per node: emission axes, or travel directions, of the lights below. Empty when all lights are omni, or nobody asks.
     pub(crate) cones: Vec<Cone>,
     /// One per node: what the cones say. Empty when it is the same for all, [`Profile::Cosine`].
     pub(crate) profiles: Vec<Profile>,
@@ -113,7 +145,7 @@ pub struct LightTree {
     /// 1.5 r² for the least radius r of the virtual lights of the whole tree.
     pub(crate) least_dist2: f32,
     /// The same per node, for virtual lights that differ in radius; otherwise empty.
-    pub(crate) least_dist2_below: Vec<f32>,
+    pub(crate) least_dist2_below: Vec<Floor>,
     /// None of these is greater.
     pub(crate) greatest_dist2: f32,
 }
@@ -124,14 +156,23 @@ impl LightTree {
     /// # Panics
     /// When there are more than about a billion lights.
     pub fn build(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        build::build(lights, builder, build::Apart::Distant)
+        Self::build_with(lights, builder, Directions::Kept)
+    }
+
+    /// As [`build`](Self::build): the same nodes, with or without what lies beside them.
+    pub fn build_with(
+        lights: &LightSet,
+        builder: TreeBuilder,
+        directions: Directions,
+    ) -> Option<Self> {
+        build::build(lights, builder, build::Apart::Distant, directions)
     }
 
     /// As [`build`](Self::build), with lights of each kind in a subtree of their own: for methods where one light
     /// stands for a cluster. Methods that draw one light of a cluster do better with lights together that are
     /// near each other: a third less variance under 120 lamps and 2000 virtual lights.
     pub fn build_by_kind(lights: &LightSet, builder: TreeBuilder) -> Option<Self> {
-        build::build(lights, builder, build::Apart::Kinds)
+        build::build(lights, builder, build::Apart::Kinds, Directions::Kept)
     }
 
     /// The root.
@@ -170,7 +211,8 @@ impl LightTree {
         &self.pairs[(first.0 >> 1) as usize].0
     }
 
-    /// Emission axes (or travel directions) of the lights below; every direction for omni lights.
+    /// Emission axes (or travel directions) of the lights below; every direction for omni lights, and where they were
+    /// [dropped](Directions::Dropped).
     #[inline]
     pub fn cone(&self, id: NodeId) -> Cone {
         self.cones
@@ -199,11 +241,11 @@ impl LightTree {
     }
 
     /// No squared distance below this tells the lights below apart: 1.5 r², where all are virtual and of a radius of at
-    /// least r.
+    /// least r. Where radii differ it is a little less than that.
     #[inline]
     pub(crate) fn least_dist2(&self, id: NodeId) -> f32 {
         let own = self.least_dist2_below.get(id.0 as usize);
-        own.copied().unwrap_or(self.least_dist2)
+        own.map_or(self.least_dist2, |floor| floor.get())
     }
 
     /// Number of nodes, leaves included: 2 n − 1.
@@ -226,7 +268,8 @@ impl LightTree {
         self.pairs.len() * size_of::<Pair>()
             + self.cones.len() * size_of::<Cone>()
             + self.profiles.len() * size_of::<Profile>()
-            + (self.directional.len() + self.least_dist2_below.len()) * size_of::<f32>()
+            + self.directional.len() * size_of::<f32>()
+            + self.least_dist2_below.len() * size_of::<Floor>()
     }
 
     /// Checks every invariant against the lights the tree was built over; for tests and `check`.
@@ -306,7 +349,7 @@ impl LightTree {
         if at_light
             && node.intensity == positional
             && self.directional_intensity(id) == directional
-            && self.emission(id) == lights.emission(light)
+            && (self.cones.is_empty() || self.emission(id) == lights.emission(light))
         {
             Ok(())
         } else {
@@ -315,5 +358,23 @@ impl LightTree {
                 id.0, light.0
             ))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_floor_is_a_little_less_in_the_same_order() {
+        let mut last = Floor::ZERO;
+        let mut dist2 = f32::MIN_POSITIVE;
+        while dist2 < f32::MAX {
+            let floor = Floor::of(dist2);
+            let is_close = floor.get() <= dist2 && floor.get() > dist2 * (127.0 / 128.0);
+            assert!(is_close && floor >= last, "{dist2} became {}", floor.get());
+            (last, dist2) = (floor, dist2 * 1.37);
+        }
+        assert_eq!(Floor::of(0.0).get(), 0.0, "none stays none");
     }
 }

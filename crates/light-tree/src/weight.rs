@@ -1,7 +1,7 @@
 //! How the two children of a node are weighed against each other.
 
 use crate::bounds::{Receiver, RelativeBox};
-use crate::tree::{LightTree, NodeId};
+use crate::tree::{Directions, LightTree, NodeId};
 
 /// The published forms of a node's importance for a receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -38,10 +38,15 @@ impl NodeWeights {
 impl NodeWeights {
     /// Whether where lights point is looked at, in cuts as well as on the way down.
     pub(crate) fn bounds_emission(self) -> bool {
-        matches!(
-            self,
-            Self::MinMax | Self::MinMaxGlossy | Self::ContyKulla2018
-        )
+        self.directions() == Directions::Kept
+    }
+
+    /// What they ask of a tree.
+    pub fn directions(self) -> Directions {
+        match self {
+            Self::MinMax | Self::MinMaxGlossy | Self::ContyKulla2018 => Directions::Kept,
+            Self::Yuksel2019 | Self::MinMaxWithoutCones => Directions::Dropped,
+        }
     }
 
     /// Greatest reflection of light from the box that is looked at, up to a factor of the receiver.
@@ -297,7 +302,9 @@ mod tests {
             for id in tree.nodes_below(tree.root()) {
                 let lamps = tree.lights_below(id).any(|l| l.index() < 4);
                 let least = if lamps { 0.0 } else { 1.5e10 };
-                assert_eq!(tree.least_dist2(id), least, "node {}, lamps: {lamps}", id.0);
+                let own = tree.least_dist2(id);
+                let is_close = own <= least && own >= least * (127.0 / 128.0);
+                assert!(is_close, "node {}, lamps: {lamps}: {own}", id.0);
             }
         }
     }

@@ -14,7 +14,7 @@ impl LightTree {
         let pair = &self.pairs[(first.0 >> 1) as usize];
         let lanes = PairLanes::<1, 2>::of([pair]);
         let mut seen = ReceiverLanes::<1>::splat(receiver).see(&lanes.boxes);
-        if !self.directional.is_empty() {
+        if self.has_parallel(first) {
             let lit = [0, 1].map(|k| seen.cos(k) * lanes.intensity[k]);
             return self.with_parallel(receiver, first, lit, seen.least2, seen.diagonal2);
         }
@@ -89,6 +89,14 @@ impl LightTree {
                 }
             }
         }
+    }
+
+    /// Whether there are lights without falloff below `first` or its sibling. Below most pairs there are none, wherever there are any:
+    /// they have a subtree of their own.
+    #[inline]
+    fn has_parallel(&self, first: NodeId) -> bool {
+        let of = |id| self.directional_intensity(id) > 0.0;
+        !self.directional.is_empty() && (of(first) || of(NodeId(first.0 + 1)))
     }
 
     /// The weights of a pair where there are lights without falloff.

@@ -226,7 +226,7 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
     fn prepare(spec: &StochasticLightcutsSpec, inputs: &'a Inputs) -> Self {
         Self {
             spec: spec.clone(),
-            tree: inputs.tree(),
+            tree: inputs.tree_for(spec.weights.node_weights()),
             lights: &inputs.lights,
         }
     }

@@ -20,6 +20,60 @@ fn every_tree_is_valid() {
 }
 
 #[test]
+fn dropped_directions_leave_the_same_nodes_and_weights() {
+    use crate::NodeWeights;
+    use crate::test_lights::{any_receiver, receiver};
+    verify::property(1000, |u| {
+        let set = any_lights(u)?;
+        let at = receiver(any_receiver(u, &set)?);
+        let builder = *u.choose(&TreeBuilder::ALL)?;
+        let Some(kept) = LightTree::build(&set, builder) else {
+            return Ok(());
+        };
+        let dropped = LightTree::build_with(&set, builder, Directions::Dropped).expect("lights");
+        dropped.validate(&set).unwrap_or_else(|e| panic!("{e}"));
+        let nodes = |tree: &LightTree| format!("{:?}", tree.pairs);
+        assert!(nodes(&kept) == nodes(&dropped), "{builder:?}: nodes");
+        let has_axes = set.ids().any(|id| set.axis(id) != Vec3::ZERO);
+        assert_eq!(!kept.cones.is_empty(), has_axes, "kept");
+        let has_distant = set.ids().any(|id| set.kind(id).is_distant());
+        assert_eq!(!dropped.cones.is_empty(), has_distant, "dropped");
+        let blind = |weights: &NodeWeights| weights.directions() == Directions::Dropped;
+        for weights in NodeWeights::ALL.into_iter().filter(blind) {
+            let of = |tree: &LightTree| tree.pmf_below(weights, &at, tree.root());
+            assert_eq!(of(&kept), of(&dropped), "{weights:?}");
+            for id in kept.nodes_below(kept.root()) {
+                let of = |tree: &LightTree| tree.bound(weights, &at, id);
+                assert_eq!(of(&kept), of(&dropped), "{weights:?}: node {}", id.0);
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn a_light_without_directions_takes_less_than_seventy_bytes_of_tree() {
+    let mut set = LightSet::default();
+    let mut rng = sampling::Rng::new(3, 0, 0, sampling::Purpose::Build);
+    let count = 1000;
+    for _ in 0..count {
+        set.push_virtual(&crate::VirtualLight {
+            position: Vec3::new(rng.f32(), rng.f32(), rng.f32()),
+            normal: Vec3::Y,
+            intensity: Vec3::ONE,
+            gloss: None,
+        });
+    }
+    set.set_radii((0..count).map(|_| rng.f32()).collect());
+    let bytes = |directions| {
+        let tree = LightTree::build_with(&set, TreeBuilder::Binned, directions);
+        tree.expect("has lights").bytes() / count
+    };
+    let both = [Directions::Dropped, Directions::Kept].map(bytes);
+    assert!(both[0] < 70 && both[1] > 90, "{both:?} bytes a light");
+}
+
+#[test]
 fn coincident_lights_make_a_shallow_tree() {
     let mut set = LightSet::default();
     for _ in 0..20_000 {
