@@ -137,3 +137,77 @@ fn make_sound<const PAIRS: usize, const NODES: usize>(
         (weights[0][k], weights[1][k]) = (a, b);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use sampling::{Purpose, Rng};
+
+    use super::*;
+    use crate::build::TreeBuilder;
+    use crate::cone::Cone;
+    use crate::cuts::Cuts;
+    use crate::emission::Profile;
+    use crate::lights::LightSet;
+    use crate::select::{DeadBranch, Start};
+    use crate::tree::Floor;
+    use crate::weight::NodeWeights;
+
+    #[test]
+    fn what_no_light_has_changes_no_bit_where_it_is_asked_for() {
+        let mut rng = Rng::new(11, 0, 0, Purpose::Build);
+        let mut anywhere = || Vec3::new(rng.f32(), rng.f32(), rng.f32());
+        let mut lamps = LightSet::default();
+        for _ in 0..300 {
+            lamps.push_point(anywhere(), Vec3::splat(0.1) + anywhere());
+        }
+        let receivers: Vec<Receiver> = (0..40)
+            .map(|_| Receiver::new(anywhere(), (anywhere() - Vec3::splat(0.5)).normalize()))
+            .collect();
+        let receivers: Vec<&Receiver> = receivers.iter().collect();
+        let drawn = |tree: &LightTree| {
+            let weights = NodeWeights::Yuksel2019;
+            let mut cuts = Cuts::default();
+            cuts.refine(tree, weights, &receivers, 10);
+            let (mut starts, mut drawn) = (Vec::new(), Vec::new());
+            for i in 0..receivers.len() {
+                let mut rng = Rng::new(12, i as u64, 0, Purpose::Lights);
+                starts.extend(cuts.of(i).iter().map(|&node| Start {
+                    receiver: i as u32,
+                    node,
+                    u: rng.f64(),
+                }));
+            }
+            tree.select_each(weights, DeadBranch::Stop, &receivers, &starts, &mut drawn);
+            (starts, drawn)
+        };
+        let plain = LightTree::build(&lamps, TreeBuilder::Binned).expect("has lights");
+        let nodes = 2 * plain.pairs.len();
+        let beside = [
+            plain.cones.len(),
+            plain.profiles.len(),
+            plain.directional.len(),
+            plain.least_dist2_below.len(),
+        ];
+        assert_eq!(beside, [0; 4], "nothing beside the nodes");
+        let without = drawn(&plain);
+        let directed = LightTree {
+            cones: vec![Cone::SPHERE; nodes],
+            profiles: vec![Profile::Cosine; nodes],
+            ..plain.clone()
+        };
+        assert!(drawn(&directed) == without, "with directions");
+        let parallel = LightTree {
+            directional: vec![0.0; nodes],
+            ..plain.clone()
+        };
+        assert!(drawn(&parallel) == without, "with parallel light");
+        // Spheres of another part of the scene.
+        let spheres = LightTree {
+            least_dist2_below: vec![Floor::ZERO; nodes],
+            greatest_dist2: 4.0,
+            ..plain.clone()
+        };
+        assert!(drawn(&spheres) == without, "with spheres");
+    }
+}
