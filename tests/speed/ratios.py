@@ -127,15 +127,16 @@ def white(path):
 
 
 # How Conference, without its own gloss, is made to need what it lacks, by what brings nothing a picture could hold: white textures, an opacity map
-# without holes, gloss that is lost in rounding, cones of every direction in place of points, a sun that is lost in rounding.
+# without holes, gloss that is lost in rounding; and spots of every direction in place of points.
 MATERIALS = {
     "textures": ["map_Kd white.png"],
     "cut-outs": ["map_d white.png"],
     "glossy surfaces": ["Ks 1e-30 1e-30 1e-30", "Ns 0"],
 }
-SUN = "Directional(direction: (0.3, -1, 0.2), irradiance: (1e-30, 1e-30, 1e-30))"
-# Lamps below a ceiling, and as many virtual lights on it: a path goes on from it and meets nothing, and its own virtual lights are on its horizon.
+# Lamps below a ceiling. Paths go on from it and meet nothing, virtual lights on it are on its horizon, and a sun is lost in rounding. Lamps are so
+# many that none of their clusters are near the depth where the tree halves lights by count, which other lights' subtrees bring nearer.
 LAMPS = 30_000
+SUN = "Directional(direction: (0.3, 1, 0.2), irradiance: (1e-30, 1e-30, 1e-30))"
 CEILING = {
     "eye paths that bounce": ("--set", "integrator=Path(max_bounces: 5)"),
     "virtual lights": ("--set", f"lights=Virtual(count: {LAMPS})"),
@@ -167,8 +168,8 @@ def conference(folder, material=(), lights=None):
     return run_file(folder)
 
 
-def ceiling(folder):
-    """Writes lamps below a ceiling; returns its run file without its end."""
+def ceiling(folder, more=""):
+    """Writes lamps, and perhaps more lights, below a ceiling; returns its run file without its end."""
     os.makedirs(folder, exist_ok=True)
     draw = random.Random(1).uniform
     place = lambda: (draw(-1.5, 1.5), draw(-8.1, -7.9), draw(-1.5, 1.5))
@@ -177,7 +178,7 @@ def ceiling(folder):
         "scene.mtl": "newmtl ceiling\nKd 0.5 0.5 0.5\n",
         "scene.obj": "mtllib scene.mtl\nusemtl ceiling\nv -8 0 -8\nv -8 0 8\nv 8 0 8\nv 8 0 -8\nf 1 2 3 4\n",
         "lights.ron": "[" + ",\n".join(lamps) + "]\n",
-        "scene.ron": '(geometry: ["scene.obj"], lights: [Points("lights.ron")],\n'
+        "scene.ron": '(geometry: ["scene.obj"], lights: [Points("lights.ron"), ' + more + '],\n'
                      "camera: (origin: (0, -6, 0.1), target: (0, 0, 0), up: (0, 1, 0), fov_y_deg: 30))\n",
     }
     for name, text in files.items():
@@ -199,6 +200,7 @@ def lacking(renders, has_scenes):
     folder = lambda name: os.path.join(renders.given.out, name)
     bare = ceiling(folder("ceiling"))
     pairs = {feature: (bare, bare, settings) for feature, settings in CEILING.items()}
+    pairs["directional lights"] = (bare, ceiling(folder("sun"), SUN), ())
     if has_scenes:
         with open(os.path.join(os.environ["MANYLIGHT_SCENES"], "conference", "lights.ron")) as file:
             points = re.findall(r"\(position: (\(.*?\)), intensity: (\(.*?\))\)", file.read())
@@ -206,7 +208,6 @@ def lacking(renders, has_scenes):
         plain = conference(folder("plain"))
         dressed = {feature: conference(folder(feature), material=lines) for feature, lines in MATERIALS.items()}
         dressed["spot lights"] = conference(folder("spot lights"), lights="[" + ", ".join(spots) + "]")
-        dressed["directional lights"] = conference(folder("directional lights"), lights=f'[Points("lights.ron"), {SUN}]')
         pairs |= {feature: (plain, run, ()) for feature, run in dressed.items()}
     for feature, (plain, run, settings) in pairs.items():
         for method in METHODS:

@@ -31,6 +31,7 @@ impl Plan {
                         m.diffuse_map.is_some()
                             || m.roughness_map.is_some()
                             || m.metallic_map.is_some()
+                            || m.emission_map.is_some()
                     }),
                 ),
                 ("vertex colours", !scene.mesh.colour_indices.is_empty()),
@@ -78,5 +79,104 @@ impl Plan {
     /// Features that the scene does not have, and that cost nothing.
     pub fn skipped(&self) -> Vec<&'static str> {
         self.features.iter().filter(|f| !f.1).map(|f| f.0).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use light_tree::{SpotCone, VirtualLight};
+    use scene::{Channel, Environment, Material, TextureId};
+
+    use super::*;
+
+    /// Something that gives a scene or its lights a feature.
+    type Add = fn(&mut Scene, &mut LightSet);
+
+    const ADDED: &[(&str, Add)] = &[
+        ("triangles", |scene, _| scene.mesh.indices.push([0, 1, 2])),
+        ("smooth normals", |scene, _| {
+            scene.mesh.normal_indices.push([0; 3]);
+        }),
+        ("textures", |scene, _| material(scene).diffuse_map = MAP),
+        ("textures", |scene, _| material(scene).emission_map = MAP),
+        ("textures", |scene, _| {
+            material(scene).roughness_map = CHANNEL;
+        }),
+        ("textures", |scene, _| {
+            material(scene).metallic_map = CHANNEL
+        }),
+        ("vertex colours", |scene, _| {
+            scene.mesh.colour_indices.push([0; 3]);
+        }),
+        ("glossy surfaces", |scene, _| {
+            material(scene).specular = Vec3::splat(1e-30);
+        }),
+        ("glossy surfaces", |scene, _| {
+            material(scene).metallic = Some(0.0);
+        }),
+        ("normal maps", |scene, _| material(scene).normal_map = MAP),
+        ("cut-outs", |scene, _| material(scene).opacity_map = MAP),
+        ("cut-outs", |scene, _| material(scene).opacity = 0.4),
+        ("point lights", |_, lights| {
+            lights.push_point(Vec3::ZERO, Vec3::ONE);
+        }),
+        ("directional lights", |_, lights| {
+            lights.push_directional(Vec3::X, Vec3::ONE);
+        }),
+        ("spot lights", |_, lights| {
+            let cone = SpotCone {
+                cos_inner: 0.5,
+                cos_outer: 0.0,
+            };
+            lights.push_spot(Vec3::ZERO, Vec3::X, Vec3::ONE, cone);
+        }),
+        ("emissive triangles", |scene, _| scene.emissive.push(true)),
+        ("environment", |scene, _| {
+            scene.environment = Environment::constant(Vec3::ONE);
+        }),
+        ("virtual lights", |_, lights| {
+            lights.push_virtual(&VirtualLight {
+                position: Vec3::ZERO,
+                normal: Vec3::Y,
+                intensity: Vec3::ONE,
+                gloss: None,
+            });
+        }),
+    ];
+
+    const MAP: Option<TextureId> = Some(TextureId(0));
+    const CHANNEL: Option<Channel> = Some(Channel {
+        texture: TextureId(0),
+        index: 1,
+    });
+
+    fn material(scene: &mut Scene) -> &mut Material {
+        &mut scene.materials[0]
+    }
+
+    #[test]
+    fn each_feature_is_named_by_what_has_it_and_skipped_by_what_lacks_it() {
+        let of = |adds: &[Add], uses_tree| {
+            let (mut scene, mut lights) = (Scene::default(), LightSet::default());
+            scene.materials.push(Material::default());
+            for add in adds {
+                add(&mut scene, &mut lights);
+            }
+            Plan::of(&scene, &lights, uses_tree)
+        };
+        let plain = of(&[], false);
+        assert!(plain.needs().is_empty(), "{plain:?}");
+        let mut all = plain.skipped();
+        for &(name, add) in ADDED {
+            assert_eq!(of(&[add], false).needs(), [name], "needed");
+            assert!(!of(&[add], false).skipped().contains(&name), "{name}");
+            all.retain(|left| *left != name);
+        }
+        assert_eq!(all, ["light tree", BOUNCES], "of what no scene says");
+        assert_eq!(of(&[], true).needs(), ["light tree"], "by the method");
+        let mut bouncing = plain;
+        bouncing.need(BOUNCES);
+        assert_eq!(bouncing.needs(), [BOUNCES], "by the integrator");
     }
 }

@@ -103,17 +103,52 @@ fn any_number_of_threads_gives_the_same_bits() {
     }
 }
 
+/// The picture of a scene under these lights, and what it needs.
+fn lit(
+    scene: &Scene,
+    lights: light_tree::LightSet,
+    method: &MethodSpec,
+    integrator: Integrator,
+) -> (Picture, Vec<&'static str>) {
+    let tracer = Tracer::build(scene);
+    let inputs = Inputs::new(lights, TreeBuilder::Binned);
+    let spec = RenderSpec {
+        integrator,
+        ..spec()
+    };
+    let mut render = Render::new(scene, &tracer, &inputs, method, spec);
+    while render.pass(&|_| ()).is_some() {}
+    let mut plan = crate::Plan::of(scene, &inputs.lights, inputs.tree_size().is_some());
+    if integrator != Integrator::Direct {
+        plan.need(crate::BOUNCES);
+    }
+    assert_eq!(
+        tracer.has_cutouts(),
+        plan.needs().contains(&"cut-outs"),
+        "what rays ask"
+    );
+    (render.picture(), plan.needs())
+}
+
+/// Checks that what `forced` asks for beyond a plain floor under `plain` lights is `names`, and changes no bit.
+fn assert_same_with(
+    names: &[&str],
+    method: &MethodSpec,
+    plain: impl Fn() -> light_tree::LightSet,
+    forced: (&Scene, light_tree::LightSet, Integrator),
+) {
+    let direct = Integrator::Direct;
+    let (skipped, few) = lit(&floor_scene(), plain(), method, direct);
+    let (scene, lights, integrator) = forced;
+    let (paid, many) = lit(scene, lights, method, integrator);
+    let added: Vec<_> = many.iter().filter(|name| !few.contains(name)).collect();
+    assert!(added.into_iter().eq(names), "{few:?} became {many:?}");
+    assert!(skipped == paid, "{names:?} with {method:?}");
+}
+
 #[test]
 fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
-    let picture = |scene: &Scene| {
-        let tracer = Tracer::build(scene);
-        let inputs = Inputs::new(lights(300), TreeBuilder::Binned);
-        let method = MethodSpec::default();
-        let mut render = Render::new(scene, &tracer, &inputs, &method, spec());
-        while render.pass(&|_| ()).is_some() {}
-        (render.picture(), tracer.has_cutouts())
-    };
-    let plain = floor_scene();
+    let direct = Integrator::Direct;
     // The same surfaces by way of an opacity map without holes, a white texture and stored normals.
     let mut dressed = floor_scene();
     let texels = vec![[255; 4]; 4];
@@ -136,13 +171,49 @@ fn what_a_scene_lacks_is_skipped_without_changing_a_bit() {
     dressed.mesh.uv_indices = dressed.mesh.indices.clone();
     dressed.mesh.normals = vec![Vec3::Y];
     dressed.mesh.normal_indices = vec![[0; 3]; 2];
-    let ((skipped, plain_cutouts), (forced, dressed_cutouts)) =
-        (picture(&plain), picture(&dressed));
-    assert!(
-        !plain_cutouts && dressed_cutouts,
-        "one pays for cut-outs, the other does not"
-    );
-    assert!(skipped == forced, "pictures differ");
+    // Gloss that is lost in rounding.
+    let mut glossy = floor_scene();
+    glossy.materials[0].specular = Vec3::splat(1e-30);
+    let floor = floor_scene();
+    for method in [sharing(1), MethodSpec::default()] {
+        let plain = || lights(300);
+        let names = ["smooth normals", "textures", "cut-outs"];
+        assert_same_with(&names, &method, plain, (&dressed, plain(), direct));
+        let names = ["glossy surfaces"];
+        assert_same_with(&names, &method, plain, (&glossy, plain(), direct));
+        // Paths go on from a floor and meet nothing.
+        let path = Integrator::Path { max_bounces: 5 };
+        let names = ["eye paths that bounce"];
+        assert_same_with(&names, &method, plain, (&floor, plain(), path));
+    }
+    // Points that are spots with cones of every direction.
+    let mut spots = light_tree::LightSet::default();
+    let everywhere = light_tree::SpotCone {
+        cos_inner: -1.0,
+        cos_outer: -1.0,
+    };
+    let points = lights(300);
+    for id in points.ids() {
+        spots.push_spot(
+            points.position(id),
+            Vec3::NEG_Y,
+            points.intensity(id),
+            everywhere,
+        );
+    }
+    let names = ["spot lights"];
+    assert_same_with(&names, &sharing(1), || lights(300), (&floor, spots, direct));
+    // A sun that is lost in rounding, and hardly ever the one light that is drawn. Lamps are so many that none of their clusters are near
+    // the depth where lights are halved by count, which the sun's subtree brings nearer.
+    let many = || lights(20_000);
+    let mut sunny = many();
+    sunny.push_directional(Vec3::NEG_Y, Vec3::splat(1e-30));
+    let one_light = MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+        cut: 1u64.try_into().expect("in range"),
+        ..Default::default()
+    });
+    let names = ["directional lights"];
+    assert_same_with(&names, &one_light, many, (&floor, sunny, direct));
 }
 
 #[test]
