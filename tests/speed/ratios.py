@@ -127,7 +127,7 @@ def white(path):
 
 
 # How Conference, without its own gloss, is made to need what it lacks, by what brings nothing a picture could hold: white textures, an opacity map
-# without holes, gloss that is lost in rounding; and spots of every direction in place of points.
+# without holes, gloss that is lost in rounding, and spots of every direction in place of points.
 MATERIALS = {
     "textures": ["map_Kd white.png"],
     "cut-outs": ["map_d white.png"],
@@ -229,6 +229,7 @@ def without_and_with(renders, feature, method, runs, settings):
         pictures = [os.path.join(renders.given.out, lists + ".exr") for lists in ("skipped", "needs")]
         subprocess.run([renders.given.manylight, "compare", *pictures, "--max-relmse", "0"], check=True, stdout=subprocess.DEVNULL)
     what = f"without {feature} / with, {'same' if same else 'other'} bits, `{method}`{', one light a point' if one_light else ''}"
+    # Two runs of the same differ by so much.
     row(what, "<= 1.02", [a / b for a, b in zip(*seconds)])
 
 
