@@ -134,8 +134,8 @@ impl LightTree {
         self.contribution_bound(weights, receiver, id)
     }
 
-    /// The bounds, by the cosine, of both of each of `PAIRS` pairs of siblings, whose places are `pairs`, where no light is without
-    /// falloff. What is seen of them lies as in [`PairLanes`](crate::pair_lanes::PairLanes).
+    /// The bounds, by the cosine, of both of each of `PAIRS` pairs of siblings, whose places are `pairs`; of no meaning where lights
+    /// are without falloff. What is seen of them lies as in [`PairLanes`](crate::pair_lanes::PairLanes).
     #[inline(always)]
     pub(crate) fn contribution_bounds<const PAIRS: usize, const NODES: usize>(
         &self,
@@ -159,7 +159,12 @@ impl LightTree {
 
     /// F ‖I‖ / d² + Fᴰ ‖Iᴰ‖ with the nearest distance: 0 only when nothing below can light the receiver.
     #[inline]
-    fn contribution_bound(&self, weights: NodeWeights, receiver: &Receiver, id: NodeId) -> f32 {
+    pub(crate) fn contribution_bound(
+        &self,
+        weights: NodeWeights,
+        receiver: &Receiver,
+        id: NodeId,
+    ) -> f32 {
         let node = self.node(id);
         let mut bound = 0.0;
         if node.has_positions() {

@@ -21,6 +21,14 @@ pub struct Cuts {
     own: Cut,
 }
 
+/// Whose cuts are asked for, by what bounds and of how many clusters.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    tree: &'a LightTree,
+    weights: NodeWeights,
+    size: u32,
+}
+
 impl Cuts {
     /// What [`Cut::refine`] does for each of the receivers.
     pub fn refine(
@@ -37,8 +45,8 @@ impl Cuts {
             NodeWeights::MinMax | NodeWeights::MinMaxGlossy | NodeWeights::ContyKulla2018 => false,
         };
         // One alone would leave most lanes idle.
-        if by_cosine && tree.directional.is_empty() && receivers.len() > 1 {
-            return self.refine_all(tree, receivers, size);
+        if by_cosine && receivers.len() > 1 {
+            return self.refine_all(tree, weights, receivers, size);
         }
         self.nodes.clear();
         for receiver in receivers {
@@ -57,40 +65,50 @@ impl Cuts {
         &self.nodes[start..self.ends[i]]
     }
 
-    fn refine_all(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+    fn refine_all(
+        &mut self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receivers: &[&Receiver],
+        size: usize,
+    ) {
+        let asked = Asked {
+            tree,
+            weights,
+            size: size as u32,
+        };
         by_width!(
-            self.refine_avx512(tree, receivers, size),
-            self.refine_avx2(tree, receivers, size),
-            self.refine_plain(tree, receivers, size)
+            self.refine_avx512(asked, receivers),
+            self.refine_avx2(asked, receivers),
+            self.refine_plain(asked, receivers)
         )
     }
 
     /// The same code and the same bits, sixteen nodes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-    fn refine_avx512(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+    fn refine_avx512(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
         let load = |pairs: [&Pair; 8]| PairLanes::of_avx512(pairs);
-        self.refine_with::<8, 16>(tree, receivers, size, load);
+        self.refine_with::<8, 16>(asked, receivers, load);
     }
 
     /// The same code and the same bits, eight nodes to an instruction.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn refine_avx2(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
+    fn refine_avx2(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
         let load = |pairs: [&Pair; 4]| PairLanes::of_avx2(pairs);
-        self.refine_with::<4, 8>(tree, receivers, size, load);
+        self.refine_with::<4, 8>(asked, receivers, load);
     }
 
-    fn refine_plain(&mut self, tree: &LightTree, receivers: &[&Receiver], size: usize) {
-        self.refine_with::<4, 8>(tree, receivers, size, PairLanes::of);
+    fn refine_plain(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
+        self.refine_with::<4, 8>(asked, receivers, PairLanes::of);
     }
 
     #[inline(always)]
     fn refine_with<const LANES: usize, const NODES: usize>(
         &mut self,
-        tree: &LightTree,
+        asked: Asked<'_>,
         receivers: &[&Receiver],
-        size: usize,
         load: impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
         let mut groups = vec![Group::<LANES, NODES>::default(); GROUPS];
@@ -107,15 +125,15 @@ impl Cuts {
                 prefetch(Some(*next));
             }
             let in_use = some.len().div_ceil(LANES);
-            groups[in_use - 1].look(tree, &load);
+            groups[in_use - 1].look(asked.tree, &load);
             let mut is_done = false;
             while !is_done {
                 is_done = true;
                 for i in 0..in_use {
-                    groups[i].look(tree, &load);
-                    let before = &mut groups[(i + in_use - 1) % in_use];
-                    before.split(tree, size as u32);
-                    is_done &= before.goes_on == [false; LANES];
+                    groups[i].look(asked.tree, &load);
+                    let before = (i + in_use - 1) % in_use;
+                    groups[before].split(asked, &some[before * LANES..]);
+                    is_done &= groups[before].goes_on == [false; LANES];
                 }
             }
             for (i, _) in some.iter().enumerate() {
@@ -231,14 +249,42 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         (self.intensity, self.links) = (children.intensity, children.links);
     }
 
+    /// Bounds, lane by lane, the children among which there are lights without falloff.
+    #[inline(never)]
+    fn bound_parallel(
+        &self,
+        tree: &LightTree,
+        weights: NodeWeights,
+        receivers: &[&Receiver],
+        bounds: &mut [f32; NODES],
+    ) {
+        for (lane, receiver) in receivers.iter().enumerate().take(LANES) {
+            for c in 0..2 {
+                let node = NodeId(2 * self.pair[lane] + c);
+                if tree.directional_intensity(node) > 0.0 {
+                    bounds[c as usize * LANES + lane] =
+                        tree.contribution_bound(weights, receiver, node);
+                }
+            }
+        }
+    }
+
     /// Splits a cluster of each cut that is not complete, and finds the next.
     #[allow(
         clippy::needless_range_loop,
         reason = "an iterator's adaptor would not be compiled for the wider instructions"
     )]
     #[inline(always)]
-    fn split(&mut self, tree: &LightTree, size: u32) {
-        let bounds = tree.contribution_bounds(&self.seen, &self.intensity, &self.pair);
+    fn split(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
+        let Asked {
+            tree,
+            weights,
+            size,
+        } = asked;
+        let mut bounds = tree.contribution_bounds(&self.seen, &self.intensity, &self.pair);
+        if !tree.directional.is_empty() {
+            self.bound_parallel(tree, weights, receivers, &mut bounds);
+        }
         let mut worst = [0.0; LANES];
         let mut place = [0; LANES];
         let mut links = [0; LANES];
@@ -321,21 +367,25 @@ mod tests {
                 cuts.refine(&tree, weights, &receivers, size);
                 check(weights, &cuts);
             }
-            if tree.directional.is_empty() {
-                // The same by narrower instructions.
+            // The same by narrower instructions.
+            let weights = NodeWeights::Yuksel2019;
+            let asked = Asked {
+                tree: &tree,
+                weights,
+                size: size as u32,
+            };
+            cuts.ends.clear();
+            cuts.refine_plain(asked, &receivers);
+            check(weights, &cuts);
+            #[cfg(target_arch = "x86_64")]
+            if std::arch::is_x86_feature_detected!("avx2") {
                 cuts.ends.clear();
-                cuts.refine_plain(&tree, &receivers, size);
-                check(NodeWeights::Yuksel2019, &cuts);
-                #[cfg(target_arch = "x86_64")]
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    cuts.ends.clear();
-                    #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
-                    // SAFETY: this one has.
-                    unsafe {
-                        cuts.refine_avx2(&tree, &receivers, size);
-                    }
-                    check(NodeWeights::Yuksel2019, &cuts);
+                #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
+                // SAFETY: this one has.
+                unsafe {
+                    cuts.refine_avx2(asked, &receivers);
                 }
+                check(weights, &cuts);
             }
             Ok(())
         });

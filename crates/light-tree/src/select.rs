@@ -296,7 +296,7 @@ impl<'a> Descending<'a> {
     #[inline(always)]
     fn weigh<const LANES: usize, const NODES: usize>(&self, lanes: &mut Lanes<LANES, NODES>) {
         match self.weights {
-            NodeWeights::Yuksel2019 if self.tree.directional.is_empty() => {
+            NodeWeights::Yuksel2019 => {
                 let Lanes {
                     intensity,
                     seen,
@@ -305,8 +305,11 @@ impl<'a> Descending<'a> {
                     ..
                 } = lanes;
                 self.tree.weigh_seen(seen, intensity, pair, weights);
+                if !self.tree.directional.is_empty() {
+                    self.weigh_each(lanes, |first| self.tree.has_parallel(first));
+                }
             }
-            _ => lanes.weights = self.weigh_each(lanes),
+            _ => self.weigh_each(lanes, |_| true),
         }
     }
 
@@ -359,20 +362,21 @@ impl<'a> Descending<'a> {
         lanes.receivers.set(lane, receiver);
     }
 
-    /// The children's weights by other formulas.
-    #[inline(always)]
+    /// Weighs, lane by lane, the pairs that are not weighed side by side.
+    #[inline(never)]
     fn weigh_each<const LANES: usize, const NODES: usize>(
         &self,
-        lanes: &Lanes<LANES, NODES>,
-    ) -> [[f32; LANES]; 2] {
-        let mut weights = [[0.0; LANES]; 2];
+        lanes: &mut Lanes<LANES, NODES>,
+        is_one: impl Fn(NodeId) -> bool,
+    ) {
         for k in (0..LANES).filter(|&k| lanes.end[k] > 0) {
-            let receiver = self.receivers[self.starts[lanes.slot[k]].receiver as usize];
             let first = NodeId(2 * lanes.pair[k]);
-            let [a, b] = self.tree.weigh(self.weights, receiver, first);
-            (weights[0][k], weights[1][k]) = (a, b);
+            if is_one(first) {
+                let receiver = self.receivers[self.starts[lanes.slot[k]].receiver as usize];
+                let [a, b] = self.tree.weigh(self.weights, receiver, first);
+                (lanes.weights[0][k], lanes.weights[1][k]) = (a, b);
+            }
         }
-        weights
     }
 }
 

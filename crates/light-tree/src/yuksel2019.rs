@@ -24,8 +24,8 @@ impl LightTree {
         [weights[0][0], weights[1][0]]
     }
 
-    /// Weights of the first and of the second of `PAIRS` pairs of siblings, whose places are `pairs`, where no light is without
-    /// falloff. What is seen of them lies as in [`PairLanes`].
+    /// Weights of the first and of the second of `PAIRS` pairs of siblings, whose places are `pairs`, of no meaning where one
+    /// [`has_parallel`](Self::has_parallel). What is seen of them lies as in [`PairLanes`].
     ///
     /// The same operations in the same order for any number of pairs, and so the same bits.
     #[inline(always)]
@@ -94,7 +94,7 @@ impl LightTree {
     /// Whether there are lights without falloff below `first` or its sibling. Below most pairs there are none, wherever there are any:
     /// they have a subtree of their own.
     #[inline]
-    fn has_parallel(&self, first: NodeId) -> bool {
+    pub(crate) fn has_parallel(&self, first: NodeId) -> bool {
         let of = |id| self.directional_intensity(id) > 0.0;
         !self.directional.is_empty() && (of(first) || of(NodeId(first.0 + 1)))
     }

@@ -113,7 +113,7 @@ mod tests {
             .zip(0..)
             .map(|(x, slot)| GatherPoint { slot, ..x })
             .collect();
-        let mut ahead = Ahead::default();
+        let mut ahead = Ahead::<i32>::default();
         assert!(!ahead.has(&points[0]), "nothing was drawn yet");
         let lists = [vec![1, 2], vec![], vec![3]];
         for (x, list) in points.iter().zip(&lists) {
