@@ -423,7 +423,7 @@ impl<const N: usize> ReceiverLanes<N> {
 
 /// The greater of two numbers, which is one instruction where neither is NaN.
 #[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
+pub(crate) fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 

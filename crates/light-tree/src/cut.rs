@@ -1,6 +1,8 @@
 //! Cuts: which clusters represent all lights for one receiver.
 
-use crate::bounds::{Receiver, SeenLanes};
+use std::hint::select_unpredictable;
+
+use crate::bounds::{Receiver, SeenLanes, greater, lesser};
 use crate::tree::{LightTree, NodeId};
 use crate::weight::NodeWeights;
 
@@ -191,15 +193,12 @@ impl LightTree {
 /// `nearest2`: 0 only where nothing arrives.
 #[inline(always)]
 fn bound(reflected: f32, intensity: f32, dist2: f32, nearest2: f32) -> f32 {
-    let falloff = dist2.max(nearest2);
+    let falloff = greater(dist2, nearest2);
     // One light alone has no diagonal. Finite and above 0 keeps it in the cut.
-    let value = if falloff > 0.0 {
-        reflected * intensity / falloff
-    } else {
-        f32::MAX
-    };
-    let value = value.clamp(f32::MIN_POSITIVE, f32::MAX);
-    if reflected > 0.0 { value } else { 0.0 }
+    let value = reflected * intensity / falloff;
+    let value = select_unpredictable(falloff > 0.0, value, f32::MAX);
+    let value = lesser(greater(value, f32::MIN_POSITIVE), f32::MAX);
+    select_unpredictable(reflected > 0.0, value, 0.0)
 }
 
 #[cfg(test)]

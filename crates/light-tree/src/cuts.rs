@@ -160,9 +160,7 @@ struct Group<const LANES: usize, const NODES: usize> {
     entries: Vec<Entries<LANES>>,
     /// Clusters of each cut.
     counts: [u32; LANES],
-    /// What is split next: its place among the entries, and that of its children among pairs. The root's is its own: it has no
-    /// sibling.
-    split: [u32; LANES],
+    /// The place among pairs of the children of what is split next. The root's is its own: it has no sibling.
     pair: [u32; LANES],
     /// Whether anything is.
     goes_on: [bool; LANES],
@@ -179,8 +177,8 @@ struct Entries<const LANES: usize> {
     pair: [u32; LANES],
 }
 
-/// The place of no entry.
-const NO_ENTRY: u32 = u32::MAX;
+/// The place of an entry that is in no cut.
+const BESIDE_ROOT: u32 = 1;
 /// Less than any bound: a leaf cannot be split.
 const LEAF_BOUND: f32 = -1.0;
 
@@ -193,7 +191,6 @@ impl<const LANES: usize, const NODES: usize> Default for Group<LANES, NODES> {
             links: [0; NODES],
             entries: Vec::new(),
             counts: [0; LANES],
-            split: [0; LANES],
             pair: [0; LANES],
             goes_on: [false; LANES],
         }
@@ -209,7 +206,6 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         }
         self.entries.clear();
         self.counts = [0; LANES];
-        self.split = [NO_ENTRY; LANES];
         self.pair = [0; LANES];
         self.goes_on = [false; LANES];
         self.goes_on[..receivers.len()].fill(true);
@@ -286,18 +282,12 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
             self.bound_parallel(tree, weights, receivers, &mut bounds);
         }
         let mut worst = [0.0; LANES];
-        let mut place = [0; LANES];
-        let mut links = [0; LANES];
-        let split = self.split;
-        for (i, entries) in self.entries.iter_mut().enumerate() {
-            let i = i as u32;
+        let mut place = [BESIDE_ROOT; LANES];
+        for (i, entries) in self.entries.iter().enumerate() {
             for k in 0..LANES {
-                let bound = select_unpredictable(split[k] == i, 0.0, entries.bound[k]);
-                entries.bound[k] = bound;
-                let is_worse = bound > worst[k];
-                worst[k] = select_unpredictable(is_worse, bound, worst[k]);
-                place[k] = select_unpredictable(is_worse, i, place[k]);
-                links[k] = select_unpredictable(is_worse, entries.pair[k], links[k]);
+                let is_worse = entries.bound[k] > worst[k];
+                worst[k] = select_unpredictable(is_worse, entries.bound[k], worst[k]);
+                place[k] = select_unpredictable(is_worse, i as u32, place[k]);
             }
         }
         for c in 0..2 {
@@ -319,16 +309,25 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
                 let is_worse = bound > worst[k];
                 worst[k] = select_unpredictable(is_worse, bound, worst[k]);
                 place[k] = select_unpredictable(is_worse, i, place[k]);
-                links[k] = select_unpredictable(is_worse, link >> 1, links[k]);
             }
             self.entries.push(entries);
         }
+        let mut left = worst;
         for k in 0..LANES {
             let goes_on = self.goes_on[k] & (worst[k] > 0.0) & (self.counts[k] < size);
             self.goes_on[k] = goes_on;
             self.counts[k] -= u32::from(goes_on);
-            self.split[k] = select_unpredictable(goes_on, place[k], NO_ENTRY);
-            self.pair[k] = select_unpredictable(goes_on, links[k], 0);
+            left[k] = select_unpredictable(goes_on, 0.0, worst[k]);
+        }
+        // The only numbers that lie apart.
+        let mut next = [0; LANES];
+        for k in 0..LANES {
+            let entries = &mut self.entries[place[k] as usize];
+            entries.bound[k] = left[k];
+            next[k] = entries.pair[k];
+        }
+        for k in 0..LANES {
+            self.pair[k] = select_unpredictable(self.goes_on[k], next[k], 0);
         }
     }
 }
