@@ -376,6 +376,10 @@ impl<const N: usize> ReceiverLanes<N> {
 
     /// What each receiver sees of two boxes, the first of each and then the second of each: the same operations in the same order
     /// as for one alone, and so the same bits.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "an iterator's adaptor would not be compiled for the wider instructions"
+    )]
     #[inline(always)]
     pub(crate) fn see<const BOXES: usize>(&self, boxes: &BoxLanes<BOXES>) -> SeenLanes<BOXES> {
         const { assert!(BOXES == 2 * N, "two each") };

@@ -321,8 +321,8 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         }
         // The only numbers that lie apart.
         let mut next = [0; LANES];
-        for k in 0..LANES {
-            let entries = &mut self.entries[place[k] as usize];
+        for (k, place) in place.into_iter().enumerate() {
+            let entries = &mut self.entries[place as usize];
             entries.bound[k] = left[k];
             next[k] = entries.pair[k];
         }

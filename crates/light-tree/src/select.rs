@@ -128,7 +128,7 @@ struct Descending<'a> {
     /// How many starts are in runs.
     begun: usize,
     /// How many runs are under way.
-    active: usize,
+    runs: usize,
     /// Most starts of a run: all of one receiver, which is put into a lane once for them, but as short as it takes for
     /// all lanes to end about together.
     longest_run: usize,
@@ -159,6 +159,8 @@ struct Lanes<const LANES: usize, const NODES: usize> {
     slot: [usize; LANES],
     /// Where the run of starts that each goes through ends; 0 where there is none.
     end: [usize; LANES],
+    /// How many have one.
+    runs: usize,
 }
 
 /// The position of no start: the one after it is none either.
@@ -187,7 +189,7 @@ impl<'a> Descending<'a> {
             receivers,
             starts,
             begun: 0,
-            active: 0,
+            runs: 0,
             longest_run: (starts.len() / (RUNS * GROUPS * WIDEST)).max(1),
             drawn,
         }
@@ -225,13 +227,21 @@ impl<'a> Descending<'a> {
         for turn in 0usize.. {
             // The parts of a step in different turns: what one of them waits for has long been there when the next begins.
             let before = |turns: usize| turn.wrapping_sub(turns) % GROUPS;
-            self.look(&mut groups[before(0)], &load);
-            self.weigh(&mut groups[before(1)]);
-            groups[before(2)].descend();
-            self.prefetch(&groups[before(3)]);
+            if groups[before(0)].runs > 0 {
+                self.look(&mut groups[before(0)], &load);
+            }
+            if groups[before(1)].runs > 0 {
+                self.weigh(&mut groups[before(1)]);
+            }
+            if groups[before(2)].runs > 0 {
+                groups[before(2)].descend();
+            }
+            if groups[before(3)].runs > 0 {
+                self.prefetch(&groups[before(3)]);
+            }
             if turn.is_multiple_of(RENEWED) {
                 self.renew(&mut groups, before(RENEWED + 2));
-                if self.active == 0 {
+                if self.runs == 0 {
                     return;
                 }
             }
@@ -348,8 +358,11 @@ impl<'a> Descending<'a> {
         lanes: &mut Lanes<LANES, NODES>,
         lane: usize,
     ) {
-        self.active -= usize::from(lanes.end[lane] > 0);
-        (lanes.slot[lane], lanes.end[lane]) = (NO_START, 0);
+        if lanes.end[lane] > 0 {
+            self.runs -= 1;
+            lanes.runs -= 1;
+        }
+        (lanes.slot[lane], lanes.end[lane], lanes.over[lane]) = (NO_START, 0, 0);
         let rest = &self.starts[self.begun..];
         let Some(first) = rest.first() else { return };
         let run = rest.iter().take(self.longest_run);
@@ -357,7 +370,8 @@ impl<'a> Descending<'a> {
         let count = run.count();
         (lanes.slot[lane], lanes.end[lane]) = (self.begun, self.begun + count);
         self.begun += count;
-        self.active += 1;
+        self.runs += 1;
+        lanes.runs += 1;
         let receiver = self.receivers[first.receiver as usize];
         lanes.receivers.set(lane, receiver);
     }
@@ -420,6 +434,7 @@ impl<const LANES: usize, const NODES: usize> Lanes<LANES, NODES> {
         over: [1; LANES],
         slot: [NO_START; LANES],
         end: [0; LANES],
+        runs: 0,
     };
 }
 

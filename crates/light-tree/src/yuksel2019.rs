@@ -78,13 +78,13 @@ impl LightTree {
         seen: &mut SeenLanes<NODES>,
         pairs: &[u32; PAIRS],
     ) {
-        for k in 0..PAIRS {
+        for (k, pair) in pairs.iter().enumerate() {
             let is_near =
                 (0..2).any(|c| seen.least2[c * PAIRS + k] <= seen.diagonal2[c * PAIRS + k]);
             for c in (0..2).filter(|_| !is_near) {
                 let lane = c * PAIRS + k;
                 if seen.least2[lane] < self.greatest_dist2 {
-                    let node = NodeId(2 * pairs[k] + c as u32);
+                    let node = NodeId(2 * pair + c as u32);
                     seen.least2[lane] = seen.least2[lane].max(self.least_dist2(node));
                 }
             }
@@ -132,9 +132,9 @@ fn make_sound<const PAIRS: usize, const NODES: usize>(
     intensity: &[f32; NODES],
 ) {
     let lit = |lane: usize| seen.cos(lane) * intensity[lane];
-    for k in 0..PAIRS {
-        let [a, b] = sound([weights[0][k], weights[1][k]], [lit(k), lit(PAIRS + k)]);
-        (weights[0][k], weights[1][k]) = (a, b);
+    let [first, second] = weights;
+    for (k, (a, b)) in first.iter_mut().zip(second).enumerate() {
+        [*a, *b] = sound([*a, *b], [lit(k), lit(PAIRS + k)]);
     }
 }
 
