@@ -137,6 +137,7 @@ impl Descents {
     }
 
     /// Begins a point, whose lights the following ones are.
+    #[inline]
     pub(crate) fn add_point(&mut self, tree: &WideTree, receiver: &Receiver) {
         self.points.push(Point {
             receiver: *receiver,
@@ -151,6 +152,7 @@ impl Descents {
     }
 
     /// Adds a pick of the last point, and asks for what its first step reads.
+    #[inline(always)]
     pub(crate) fn pick(&mut self, tree: &WideTree, pick: Pick) {
         let descent = Descent {
             pick,
@@ -170,7 +172,18 @@ impl Descents {
 
     /// Goes on with all picks to their lights.
     pub fn descend(&mut self, tree: &WideTree) {
-        by_width!(self.descend_avx2(tree), self.descend_with(tree))
+        by_width!(
+            self.descend_avx512(tree),
+            self.descend_avx2(tree),
+            self.descend_with(tree)
+        )
+    }
+
+    /// The same code and the same bits, for wider registers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn descend_avx512(&mut self, tree: &WideTree) {
+        self.descend_with(tree);
     }
 
     /// The same code and the same bits, eight lanes to an instruction.

@@ -55,6 +55,7 @@ impl Row {
     }
 
     /// The cluster of the cut that holds what is in `lane`.
+    #[inline]
     pub(crate) fn cluster(self, lane: usize) -> u32 {
         match self.tree_block() {
             None => self.cluster + lane as u32,
@@ -121,9 +122,17 @@ impl SharedCut {
     /// Weighs the rows that are near anew, for `receiver`.
     pub(crate) fn weigh_near(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
         by_width!(
+            self.weigh_near_avx512(tree, receiver, draws),
             self.weigh_near_avx2(tree, receiver, draws),
             self.weigh_near_with(tree, receiver, draws)
         )
+    }
+
+    /// The same code and the same bits, for wider registers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn weigh_near_avx512(&self, tree: &WideTree, receiver: &Receiver, draws: &mut Draws) {
+        self.weigh_near_with(tree, receiver, draws);
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
@@ -164,6 +173,7 @@ impl SharedCut {
     }
 
     /// The clusters of a row.
+    #[inline(always)]
     pub(crate) fn clusters<'a>(&'a self, tree: &'a WideTree, row: Row) -> &'a [Cluster; WIDTH] {
         match row.tree_block() {
             None => &self.blocks[row.block as usize].clusters,
@@ -182,9 +192,24 @@ impl WideTree {
         draws: &mut Draws,
     ) {
         by_width!(
+            self.open_avx512(cut, receiver, bar, most, draws),
             self.open_avx2(cut, receiver, bar, most, draws),
             self.open(cut, receiver, bar, most, draws)
         )
+    }
+
+    /// The same code and the same bits, for wider registers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn open_avx512(
+        &self,
+        cut: &SharedCut,
+        receiver: &Receiver,
+        bar: Bar,
+        most: u32,
+        draws: &mut Draws,
+    ) {
+        self.open(cut, receiver, bar, most, draws);
     }
 
     /// The same code and the same bits, eight lanes to an instruction.

@@ -100,9 +100,17 @@ impl WideTree {
         draws.alike.clear();
         let seen = self.seen(receiver);
         by_width!(
+            self.weigh_all_avx512(blocks, &seen, draws),
             self.weigh_all_avx2(blocks, &seen, draws),
             self.weigh_all_with(blocks, &seen, draws)
         )
+    }
+
+    /// The same code and the same bits, for wider registers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn weigh_all_avx512(&self, blocks: &[Block], seen: &Seen, draws: &mut Draws) {
+        self.weigh_all_with(blocks, seen, draws);
     }
 
     /// The same code and the same bits, eight lanes to an instruction.
