@@ -48,38 +48,40 @@ impl Cluster {
     }
 }
 
-/// Eight clusters, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of the whole.
+/// Eight clusters, or as many of several blocks, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of the whole.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
-pub(crate) struct Block {
-    pub(crate) lo: [Lanes; 3],
-    pub(crate) hi: [Lanes; 3],
+pub(crate) struct Block<const N: usize = WIDTH> {
+    pub(crate) lo: [[f32; N]; 3],
+    pub(crate) hi: [[f32; N]; 3],
     /// Emission axis, or travel direction, and the cosine of the cone about it.
-    pub(crate) axis: [Lanes; 3],
-    pub(crate) cos: Lanes,
+    pub(crate) axis: [[f32; N]; 3],
+    pub(crate) cos: [f32; N],
     /// ‖I‖.
-    pub(crate) intensity: Lanes,
-    pub(crate) clusters: [Cluster; WIDTH],
+    pub(crate) intensity: [f32; N],
+    pub(crate) clusters: [Cluster; N],
     /// Greatest radius of the spheres.
-    pub(crate) radius: Lanes,
+    pub(crate) radius: [f32; N],
     /// Square of the distance at which the nearest of the lights is to be expected, seen from among them, and no less
     /// than what the smallest of the spheres counts as.
-    pub(crate) near2: Lanes,
+    pub(crate) near2: [f32; N],
+}
+
+impl<const N: usize> Block<N> {
+    /// No clusters: weights of 0.
+    pub(crate) const EMPTY: Self = Self {
+        lo: [[0.0; N]; 3],
+        hi: [[0.0; N]; 3],
+        axis: [[0.0; N]; 3],
+        cos: [-1.0; N],
+        intensity: [0.0; N],
+        radius: [0.0; N],
+        near2: [LEAST_DIST2; N],
+        clusters: [Cluster(UNUSED); N],
+    };
 }
 
 impl Block {
-    /// No clusters: weights of 0.
-    pub(crate) const EMPTY: Self = Self {
-        lo: [[0.0; WIDTH]; 3],
-        hi: [[0.0; WIDTH]; 3],
-        axis: [[0.0; WIDTH]; 3],
-        cos: [-1.0; WIDTH],
-        intensity: [0.0; WIDTH],
-        radius: [0.0; WIDTH],
-        near2: [LEAST_DIST2; WIDTH],
-        clusters: [Cluster(UNUSED); WIDTH],
-    };
-
     /// Number of clusters.
     pub(crate) fn len(&self) -> usize {
         self.clusters.iter().filter(|c| !c.is_unused()).count()
@@ -97,14 +99,6 @@ impl Block {
         self.near2[to] = other.near2[from];
         self.intensity[to] = other.intensity[from];
         self.clusters[to] = other.clusters[from];
-    }
-
-    /// Of one direction a cone that has room for what packing turned it by.
-    fn cone(&self, lane: usize) -> Cone {
-        Cone {
-            axis: glam::Vec3::new(self.axis[0][lane], self.axis[1][lane], self.axis[2][lane]),
-            cos: self.cos[lane].min(1.0 - 2.0 * f32::EPSILON),
-        }
     }
 }
 
@@ -163,25 +157,157 @@ impl SeenLobe {
     }
 }
 
-/// Weights of eight clusters.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Weighed {
-    pub(crate) weights: Lanes,
-    /// What each would weigh, were all its lights where they bring most.
-    pub(crate) peaks: Lanes,
-    /// How many times as much a light at the nearest point may bring to another point of the region.
-    pub(crate) swings: Lanes,
-    /// > 0 where the lights are so far off, and shine so much alike, that only their intensities tell them apart.
-    pub(crate) alike: Lanes,
+/// The points that a block's clusters are weighed for, lane by lane.
+pub(crate) trait Viewers: Copy {
+    /// Coordinate of the position.
+    fn position(&self, axis: usize, lane: usize) -> f32;
+    /// Coordinate of the normal.
+    fn normal(&self, axis: usize, lane: usize) -> f32;
+    /// Coordinate of the lobe's axis.
+    fn lobe_axis(&self, axis: usize, lane: usize) -> f32;
+    /// [`SeenLobe::diffuse`].
+    fn diffuse(&self, lane: usize) -> f32;
+    /// [`SeenLobe::near`].
+    fn facets(&self, lane: usize) -> f32;
+    /// [`SeenLobe::alpha2`].
+    fn alpha2(&self, lane: usize) -> f32;
 }
 
-impl Weighed {
+/// One point in all lanes. A copy: what lies behind a reference is read anew where the compiler sees a branch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Viewer {
+    position: Vec3A,
+    normal: Vec3A,
+    lobe: SeenLobe,
+}
+
+impl Viewer {
+    #[inline(always)]
+    pub(crate) fn of(seen: &Seen) -> Self {
+        Self {
+            position: seen.position,
+            normal: seen.normal,
+            lobe: seen.lobe.unwrap_or(SeenLobe::NONE),
+        }
+    }
+}
+
+impl Viewers for Viewer {
+    #[inline(always)]
+    fn position(&self, axis: usize, _: usize) -> f32 {
+        self.position[axis]
+    }
+    #[inline(always)]
+    fn normal(&self, axis: usize, _: usize) -> f32 {
+        self.normal[axis]
+    }
+    #[inline(always)]
+    fn lobe_axis(&self, axis: usize, _: usize) -> f32 {
+        self.lobe.axis[axis]
+    }
+    #[inline(always)]
+    fn diffuse(&self, _: usize) -> f32 {
+        self.lobe.diffuse
+    }
+    #[inline(always)]
+    fn facets(&self, _: usize) -> f32 {
+        self.lobe.near
+    }
+    #[inline(always)]
+    fn alpha2(&self, _: usize) -> f32 {
+        self.lobe.alpha2
+    }
+}
+
+/// As many points as blocks, each in eight lanes.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct ViewerLanes<const N: usize> {
+    position: [[f32; N]; 3],
+    normal: [[f32; N]; 3],
+    lobe_axis: [[f32; N]; 3],
+    diffuse: [f32; N],
+    facets: [f32; N],
+    alpha2: [f32; N],
+}
+
+impl<const N: usize> ViewerLanes<N> {
+    pub(crate) const NONE: Self = Self {
+        position: [[0.0; N]; 3],
+        normal: [[0.0; N]; 3],
+        lobe_axis: [[0.0; N]; 3],
+        diffuse: [0.0; N],
+        facets: [0.0; N],
+        alpha2: [1.0; N],
+    };
+
+    /// Puts a point into the eight lanes from `first` on.
+    #[inline(always)]
+    pub(crate) fn put(&mut self, seen: &Seen, first: usize) {
+        let Viewer {
+            position,
+            normal,
+            lobe,
+        } = Viewer::of(seen);
+        for k in first..first + WIDTH {
+            for axis in 0..3 {
+                self.position[axis][k] = position[axis];
+                self.normal[axis][k] = normal[axis];
+                self.lobe_axis[axis][k] = lobe.axis[axis];
+            }
+            self.diffuse[k] = lobe.diffuse;
+            self.facets[k] = lobe.near;
+            self.alpha2[k] = lobe.alpha2;
+        }
+    }
+}
+
+impl<const N: usize> Viewers for &ViewerLanes<N> {
+    #[inline(always)]
+    fn position(&self, axis: usize, lane: usize) -> f32 {
+        self.position[axis][lane]
+    }
+    #[inline(always)]
+    fn normal(&self, axis: usize, lane: usize) -> f32 {
+        self.normal[axis][lane]
+    }
+    #[inline(always)]
+    fn lobe_axis(&self, axis: usize, lane: usize) -> f32 {
+        self.lobe_axis[axis][lane]
+    }
+    #[inline(always)]
+    fn diffuse(&self, lane: usize) -> f32 {
+        self.diffuse[lane]
+    }
+    #[inline(always)]
+    fn facets(&self, lane: usize) -> f32 {
+        self.facets[lane]
+    }
+    #[inline(always)]
+    fn alpha2(&self, lane: usize) -> f32 {
+        self.alpha2[lane]
+    }
+}
+
+/// Weights of eight clusters, or of as many more.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Weighed<const N: usize = WIDTH> {
+    pub(crate) weights: [f32; N],
+    /// What each would weigh, were all its lights where they bring most.
+    pub(crate) peaks: [f32; N],
+    /// How many times as much a light at the nearest point may bring to another point of the region.
+    pub(crate) swings: [f32; N],
+    /// > 0 where the lights are so far off, and shine so much alike, that only their intensities tell them apart.
+    pub(crate) alike: [f32; N],
+}
+
+impl<const N: usize> Weighed<N> {
     /// Zeros. A derived default is a call in the midst of vector code.
     const NONE: Self = Self {
-        weights: [0.0; WIDTH],
-        peaks: [0.0; WIDTH],
-        swings: [0.0; WIDTH],
-        alike: [0.0; WIDTH],
+        weights: [0.0; N],
+        peaks: [0.0; N],
+        swings: [0.0; N],
+        alike: [0.0; N],
     };
 }
 
@@ -206,7 +332,7 @@ const SLACK: f32 = 2e-6;
 /// What rounding may add to the cosine of a cone: a cosine of 1 stands for angles up to 3·10⁻⁴.
 const COS_SLACK: f32 = 3e-7;
 
-impl Block {
+impl<const N: usize> Block<N> {
     /// An estimate of I cos cos / d² of each cluster's lights together, > 0 wherever any of them is above both
     /// horizons. Of a glossy point its lobe takes the place of its share of the cosine.
     ///
@@ -222,36 +348,21 @@ impl Block {
         const REGION: bool,
     >(
         &self,
-        seen: &Seen,
-        lobe: &SeenLobe,
-    ) -> Weighed {
-        let region = match REGION {
-            true => seen.region.unwrap_or_default(),
-            false => Region::default(),
-        };
-        // Copies: what lies behind a reference is read anew where the compiler sees a branch.
-        let (
-            SeenLobe {
-                axis: lobe_axis,
-                diffuse,
-                near: facets,
-                alpha2: own_alpha2,
-            },
-            position,
-            normal,
-        ) = (*lobe, seen.position, seen.normal);
-        let mut centre2 = [0.0f32; WIDTH];
-        let mut half2 = [0.0f32; WIDTH];
-        let mut least2 = [0.0f32; WIDTH];
-        let mut far2 = [0.0f32; WIDTH];
-        let mut height = [0.0f32; WIDTH];
-        let mut reach = [0.0f32; WIDTH];
-        let mut ahead = [0.0f32; WIDTH];
-        let mut ahead_reach = [0.0f32; WIDTH];
-        let mut along = [0.0f32; WIDTH];
+        viewers: impl Viewers,
+        region: Region,
+    ) -> Weighed<N> {
+        let mut centre2 = [0.0f32; N];
+        let mut half2 = [0.0f32; N];
+        let mut least2 = [0.0f32; N];
+        let mut far2 = [0.0f32; N];
+        let mut height = [0.0f32; N];
+        let mut reach = [0.0f32; N];
+        let mut ahead = [0.0f32; N];
+        let mut ahead_reach = [0.0f32; N];
+        let mut along = [0.0f32; N];
         for axis in 0..3 {
-            let (p, n) = (position[axis], normal[axis]);
-            for k in 0..WIDTH {
+            for k in 0..N {
+                let (p, n) = (viewers.position(axis, k), viewers.normal(axis, k));
                 let (lo, hi) = (self.lo[axis][k] - p, self.hi[axis][k] - p);
                 let (c, h) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
                 let padded = h + SLACK * (c.abs() + h);
@@ -269,12 +380,12 @@ impl Block {
                     ahead_reach[k] += a.abs() * padded;
                 }
                 if GLOSSY {
-                    along[k] += lobe_axis[axis] * c;
+                    along[k] += viewers.lobe_axis(axis, k) * c;
                 }
             }
         }
         let mut out = Weighed::NONE;
-        for k in 0..WIDTH {
+        for k in 0..N {
             // The mean of 1/d² over distances spread evenly from a to b is 1/(ab).
             let (near2, radius) = (self.near2[k], self.radius[k]);
             let (from2, to2) = (least2[k].max(near2), far2[k].max(near2));
@@ -317,6 +428,7 @@ impl Block {
                 most_arriving *= all + only(!omni, most_emitted);
                 alive &= omni | (ahead[k] + spread > 0.0);
             }
+            let own_alpha2 = viewers.alpha2(k);
             let around2 = half2[k] + radius * radius;
             let mut alike = FAR2 * own_alpha2 * centre2[k] - around2;
             if ORIENTED {
@@ -325,6 +437,7 @@ impl Block {
             out.alike[k] = alike;
             let (mut reflected, mut most) = (cos, cos);
             if GLOSSY {
+                let (diffuse, facets) = (viewers.diffuse(k), viewers.facets(k));
                 let dist2 = (centre2[k] + around2).max(LEAST_DIST2);
                 // A facet turns by half the angle by which the direction does.
                 let mut alpha2 = (own_alpha2 + 0.25 * around2 / dist2).min(1.0);
@@ -357,20 +470,30 @@ impl Block {
         out
     }
 
-    /// Adds the lights without falloff.
+    /// Adds the lights without falloff of the eight clusters from `first` on.
     #[cold]
     pub(crate) fn add_parallel(
         &self,
+        first: usize,
         receiver: &Receiver,
         parallel: &Lanes,
-        weights: &mut Lanes,
-        alike: &mut Lanes,
+        weights: &mut [f32; N],
+        alike: &mut [f32; N],
     ) {
-        for k in 0..WIDTH {
-            if parallel[k] > 0.0 {
-                weights[k] += parallel[k] * receiver.cos_bound_parallel(self.cone(k));
+        for (k, &parallel) in parallel.iter().enumerate() {
+            if parallel > 0.0 {
+                let k = first + k;
+                weights[k] += parallel * receiver.cos_bound_parallel(self.cone(k));
                 alike[k] = 0.0;
             }
+        }
+    }
+
+    /// Of one direction a cone that has room for what packing turned it by.
+    fn cone(&self, lane: usize) -> Cone {
+        Cone {
+            axis: glam::Vec3::new(self.axis[0][lane], self.axis[1][lane], self.axis[2][lane]),
+            cos: self.cos[lane].min(1.0 - 2.0 * f32::EPSILON),
         }
     }
 }

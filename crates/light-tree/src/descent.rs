@@ -1,9 +1,10 @@
 //! Descents through an eight-way tree: one light from each of many clusters, for many points at once.
 
-use crate::block::{Cluster, Lanes, Seen, WIDTH};
+use crate::block::{Block, Cluster, Lanes, Seen, ViewerLanes, WIDTH, Weighed};
 use crate::bounds::Receiver;
 use crate::light::LightId;
 use crate::prefetch::prefetch;
+use crate::region::Region;
 use crate::select::BELOW_ONE;
 use crate::wide::{WideTree, by_width};
 
@@ -31,6 +32,7 @@ pub struct Descents {
     near: Vec<Descent>,
     /// Where only intensities tell lights apart.
     far: Vec<Descent>,
+    couples: Vec<Couple>,
 }
 
 /// Who is lit.
@@ -78,21 +80,6 @@ struct Descent {
     point: u32,
     /// Place among what is drawn.
     slot: u32,
-}
-
-/// What lights of a block's clusters are drawn by.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Shares {
-    pub(crate) weights: Lanes,
-    /// As [`Weighed::alike`](crate::block::Weighed::alike).
-    pub(crate) alike: Lanes,
-}
-
-impl Shares {
-    const NONE: Self = Self {
-        weights: [0.0; WIDTH],
-        alike: [0.0; WIDTH],
-    };
 }
 
 /// A lane of a block that was chosen.
@@ -200,23 +187,36 @@ impl Descents {
             drawn,
             near,
             far,
+            couples,
         } = self;
-        let (mut shares, mut chosen) = ([Shares::NONE; TOGETHER], [Chosen::NONE; TOGETHER]);
+        couples.resize_with(TOGETHER / 2, || Couple::NONE);
+        let mut chosen = [Chosen::NONE; TOGETHER];
         while !near.is_empty() {
             let mut kept = 0;
             for from in (0..near.len()).step_by(TOGETHER) {
                 let count = TOGETHER.min(near.len() - from);
                 for k in 0..count {
                     let Descent { pick, point, .. } = &near[from + k];
-                    let Point { receiver, seen, .. } = &points[*point as usize];
-                    shares[k] = tree.shares(pick.cluster.0 as usize, receiver, seen, false);
+                    let seen = &points[*point as usize].seen;
+                    couples[k / 2].put(k % 2, tree, pick.cluster.0 as usize, seen);
+                }
+                for couple in &mut couples[..count.div_ceil(2)] {
+                    couple.weigh(tree);
+                }
+                if !tree.parallel.is_empty() {
+                    for k in 0..count {
+                        let Descent { pick, point, .. } = &near[from + k];
+                        let receiver = &points[*point as usize].receiver;
+                        let parallel = &tree.parallel[pick.cluster.0 as usize];
+                        couples[k / 2].add_parallel(k % 2, receiver, parallel);
+                    }
                 }
                 for k in 0..count {
-                    chosen[k] = choose(&shares[k].weights, near[from + k].pick.u);
+                    chosen[k] = choose(couples[k / 2].weights(k % 2), near[from + k].pick.u);
                 }
                 for k in 0..count {
                     let mut descent = near[from + k];
-                    descent.pick.is_far = shares[k].alike[chosen[k].lane] > 0.0;
+                    descent.pick.is_far = couples[k / 2].is_far(k % 2, chosen[k].lane);
                     if step(tree, &mut descent, chosen[k], drawn) {
                         match descent.pick.is_far {
                             true => far.push(descent),
@@ -290,10 +290,79 @@ fn ask(tree: &WideTree, pick: &Pick) {
     }
 }
 
+/// Two blocks, weighed at once for a point each: wide registers hold the clusters of both.
+#[derive(Debug)]
+struct Couple {
+    block: Block<PAIR>,
+    viewers: ViewerLanes<PAIR>,
+    is_glossy: [bool; 2],
+    weights: [f32; PAIR],
+    /// As [`Weighed::alike`].
+    alike: [f32; PAIR],
+}
+
+/// Clusters of two blocks.
+const PAIR: usize = 2 * WIDTH;
+
+impl Couple {
+    const NONE: Self = Self {
+        block: Block::EMPTY,
+        viewers: ViewerLanes::NONE,
+        is_glossy: [false; 2],
+        weights: [0.0; PAIR],
+        alike: [0.0; PAIR],
+    };
+
+    #[inline(always)]
+    fn put(&mut self, which: usize, tree: &WideTree, block: usize, seen: &Seen) {
+        let first = which * WIDTH;
+        tree.blocks[block].unpack_to(&mut self.block, first);
+        self.viewers.put(seen, first);
+        self.is_glossy[which] = seen.lobe.is_some();
+    }
+
+    /// Weighs the clusters, parallel light apart.
+    #[inline(always)]
+    fn weigh(&mut self, tree: &WideTree) {
+        let is_glossy = self.is_glossy[0] | self.is_glossy[1];
+        let region = Region::default();
+        // All of it were a copy by a call.
+        let Weighed { weights, alike, .. } =
+            tree.weigh_for::<false, false, PAIR>(&self.block, &self.viewers, is_glossy, region);
+        (self.weights, self.alike) = (weights, alike);
+    }
+
+    #[inline(always)]
+    fn add_parallel(&mut self, which: usize, receiver: &Receiver, parallel: &Lanes) {
+        let Self { weights, alike, .. } = self;
+        self.block
+            .add_parallel(which * WIDTH, receiver, parallel, weights, alike);
+    }
+
+    #[inline(always)]
+    fn weights(&self, which: usize) -> &Lanes {
+        &self.weights.as_chunks().0[which]
+    }
+
+    #[inline(always)]
+    fn is_far(&self, which: usize, lane: usize) -> bool {
+        self.alike[which * WIDTH + lane] > 0.0
+    }
+}
+
+/// What lights of a block's clusters are drawn by.
+#[cfg(test)]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shares {
+    pub(crate) weights: Lanes,
+    /// As [`Weighed::alike`](crate::block::Weighed::alike).
+    pub(crate) alike: Lanes,
+}
+
+#[cfg(test)]
 impl WideTree {
     /// What lights of a block's clusters are drawn by: their weights, or where all that the block holds is far off, their
     /// intensities.
-    #[inline(always)]
     pub(crate) fn shares(
         &self,
         block: usize,

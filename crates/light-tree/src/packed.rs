@@ -136,25 +136,29 @@ impl PackedBlock {
     /// All of it.
     #[inline(always)]
     pub(crate) fn block(&self) -> Block {
-        let mut block = Block {
-            intensity: self.intensity,
-            clusters: self.clusters,
-            ..Block::EMPTY
-        };
+        let mut block = Block::EMPTY;
+        self.unpack_to(&mut block, 0);
+        block
+    }
+
+    /// Puts all of it into the eight lanes from `first` on.
+    #[inline(always)]
+    pub(crate) fn unpack_to<const N: usize>(&self, block: &mut Block<N>, first: usize) {
         for axis in 0..3 {
             let (corner, step) = (self.corner[axis], self.step(axis));
             for k in 0..WIDTH {
-                block.lo[axis][k] = corner + f32::from(self.lo[axis][k]) * step;
-                block.hi[axis][k] = corner + f32::from(self.hi[axis][k]) * step;
-                block.axis[axis][k] = f32::from(self.axis[axis][k]) * (1.0 / AXIS);
+                block.lo[axis][first + k] = corner + f32::from(self.lo[axis][k]) * step;
+                block.hi[axis][first + k] = corner + f32::from(self.hi[axis][k]) * step;
+                block.axis[axis][first + k] = f32::from(self.axis[axis][k]) * (1.0 / AXIS);
             }
         }
         for k in 0..WIDTH {
-            block.near2[k] = f32::from_bits(u32::from(self.near2[k]) << 16);
-            block.cos[k] = cosine(self.cos[k]);
-            block.radius[k] = from_short_float(self.radius[k]);
+            block.intensity[first + k] = self.intensity[k];
+            block.clusters[first + k] = self.clusters[k];
+            block.near2[first + k] = f32::from_bits(u32::from(self.near2[k]) << 16);
+            block.cos[first + k] = cosine(self.cos[k]);
+            block.radius[first + k] = from_short_float(self.radius[k]);
         }
-        block
     }
 }
 
@@ -291,7 +295,7 @@ mod tests {
 
     #[test]
     fn boxes_of_a_few_ulp_far_from_the_origin_are_packed() {
-        let mut block = Block::EMPTY;
+        let mut block = Block::<WIDTH>::EMPTY;
         let places = [1.0f32, 1.0f32.next_up(), 1.0f32.next_up().next_up(), -1.0];
         for (k, x) in places.into_iter().enumerate() {
             block.clusters[k] = Cluster::of_light(LightId(k as u32));
@@ -302,7 +306,7 @@ mod tests {
         for used in [3, 4] {
             let mut block = block.clone();
             for k in used..4 {
-                block.clusters[k] = Block::EMPTY.clusters[k];
+                block.clusters[k] = Block::<WIDTH>::EMPTY.clusters[k];
             }
             let unpacked = PackedBlock::of(&block).block();
             for (k, place) in places.iter().enumerate().take(used) {

@@ -156,7 +156,7 @@ impl SharedCut {
         let parallel = self.blocks.iter().zip(&self.parallel);
         let weighed = draws.weights.iter_mut().zip(&mut draws.alike);
         for ((block, parallel), (weights, alike)) in parallel.zip(weighed) {
-            block.add_parallel(receiver, parallel, weights, alike);
+            block.add_parallel(0, receiver, parallel, weights, alike);
         }
         draws.factors.clear();
         draws.near = 0;

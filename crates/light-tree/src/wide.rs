@@ -2,7 +2,7 @@
 
 #[cfg(test)]
 use crate::block::Cluster;
-use crate::block::{Block, Lanes, Seen, SeenLobe, Weighed};
+use crate::block::{Block, Lanes, Seen, SeenLobe, Viewer, Viewers, WIDTH, Weighed};
 use crate::bounds::Receiver;
 #[cfg(test)]
 use crate::descent::Shares;
@@ -142,11 +142,24 @@ impl WideTree {
         block: &Block,
         seen: &Seen,
     ) -> Weighed {
-        match (self.oriented, &seen.lobe) {
-            (false, None) => block.weigh::<false, BOUND, false, REGION>(seen, &SeenLobe::NONE),
-            (true, None) => block.weigh::<true, BOUND, false, REGION>(seen, &SeenLobe::NONE),
-            (false, Some(lobe)) => block.weigh::<false, BOUND, true, REGION>(seen, lobe),
-            (true, Some(lobe)) => block.weigh::<true, BOUND, true, REGION>(seen, lobe),
+        let region = seen.region.unwrap_or_default();
+        self.weigh_for::<BOUND, REGION, WIDTH>(block, Viewer::of(seen), seen.lobe.is_some(), region)
+    }
+
+    /// The same for points of which some are glossy, or none.
+    #[inline(always)]
+    pub(crate) fn weigh_for<const BOUND: bool, const REGION: bool, const N: usize>(
+        &self,
+        block: &Block<N>,
+        viewers: impl Viewers,
+        is_glossy: bool,
+        region: Region,
+    ) -> Weighed<N> {
+        match (self.oriented, is_glossy) {
+            (false, false) => block.weigh::<false, BOUND, false, REGION>(viewers, region),
+            (true, false) => block.weigh::<true, BOUND, false, REGION>(viewers, region),
+            (false, true) => block.weigh::<false, BOUND, true, REGION>(viewers, region),
+            (true, true) => block.weigh::<true, BOUND, true, REGION>(viewers, region),
         }
     }
 
@@ -234,7 +247,7 @@ impl WideTree {
         let mut weighed = self.weigh::<BOUND, REGION>(block, seen);
         if let Some(parallel) = parallel {
             let Weighed { weights, alike, .. } = &mut weighed;
-            block.add_parallel(receiver, parallel, weights, alike);
+            block.add_parallel(0, receiver, parallel, weights, alike);
         }
         weighed
     }
