@@ -7,8 +7,7 @@ use std::time::Duration;
 pub enum Phase {
     /// Shadow rays. Measured in full where they are traced together, at one point in 61 where one by one.
     Trace,
-    /// Choosing the clusters. This and the next two are measured at one point in 61; what is done once for a tile, rays
-    /// included, in full.
+    /// Choosing the clusters. This and the next two are measured at one point in 61; what is done once for a tile, in full.
     Cut,
     /// Choosing a light in each cluster.
     Select,

@@ -9,7 +9,7 @@ use sampling::Rng;
 use scene::Scene;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
-use crate::contribution::{VirtualShape, unoccluded, unoccluded_of};
+use crate::contribution::{Unoccluded, VirtualShape, unoccluded, unoccluded_of};
 use crate::counters::{Counters, Phase};
 use crate::learned::{Trial, Trials};
 use crate::point::GatherPoint;
@@ -32,6 +32,10 @@ pub trait LightEval {
 
     /// Radiance that light `id` sends by way of `x` toward the viewer, visibility included, at once.
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
+
+    /// As [`radiance`](Self::radiance) of each of these lights, in place of what `radiances` had: their shadow rays are traced
+    /// together.
+    fn radiances(&mut self, x: &GatherPoint, lights: &[LightId], radiances: &mut Vec<Vec3>);
 
     /// As [`radiance`](Self::radiance), were the light's intensity 1 in every channel: one light can stand for
     /// others of any colour, also where it lacks a channel itself.
@@ -158,6 +162,9 @@ pub struct QueueScratch {
     occluded: Vec<bool>,
     trials: Vec<Trials>,
     sums: Vec<SampleSum>,
+    /// Rays whose answers are waited for, and of which light each is.
+    asked: Vec<Ray>,
+    asked_of: Vec<usize>,
     occlusion: OcclusionScratch,
 }
 
@@ -289,19 +296,29 @@ impl<'a> ShadowQueue<'a> {
         }
     }
 
-    /// Radiance of light `id`, were its intensity `intensity`, traced at once.
-    fn radiance_of(&mut self, x: &GatherPoint, id: LightId, intensity: Vec3) -> Vec3 {
+    /// What light `id` sends by way of `x` unless something is in the way, were its intensity `intensity`.
+    fn unoccluded_of(
+        &mut self,
+        x: &GatherPoint,
+        id: LightId,
+        intensity: Vec3,
+    ) -> Option<Unoccluded> {
         self.counters.light_samples += 1;
         let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
-        let light = unoccluded_of(scene, lights, self.shape, x, id, intensity, rng);
-        let Some(light) = light else {
-            return Vec3::ZERO;
-        };
+        let light = unoccluded_of(scene, lights, self.shape, x, id, intensity, rng)?;
         if !light.radiance.is_finite() {
             self.counters.nonfinite += 1;
-            return Vec3::ZERO;
+            return None;
         }
         self.counters.shadow_rays += 1;
+        Some(light)
+    }
+
+    /// Radiance of light `id`, were its intensity `intensity`, traced at once.
+    fn radiance_of(&mut self, x: &GatherPoint, id: LightId, intensity: Vec3) -> Vec3 {
+        let Some(light) = self.unoccluded_of(x, id, intensity) else {
+            return Vec3::ZERO;
+        };
         let is_timed = |mark: &Mark| mark.weight == TIMED;
         let started = self.mark.filter(is_timed).map(|_| Instant::now());
         let occluded = self.tracer.is_occluded(&light.shadow_ray);
@@ -361,6 +378,42 @@ impl LightEval for ShadowQueue<'_> {
 
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {
         self.radiance_of(x, id, self.lights.intensity(id))
+    }
+
+    fn radiances(&mut self, x: &GatherPoint, lights: &[LightId], radiances: &mut Vec<Vec3>) {
+        radiances.clear();
+        self.scratch.asked.clear();
+        self.scratch.asked_of.clear();
+        for (i, &id) in lights.iter().enumerate() {
+            let light = self.unoccluded_of(x, id, self.lights.intensity(id));
+            radiances.push(light.as_ref().map_or(Vec3::ZERO, |light| light.radiance));
+            if let Some(light) = light {
+                self.scratch.asked.push(light.shadow_ray);
+                self.scratch.asked_of.push(i);
+            }
+        }
+        let started = Instant::now();
+        let QueueScratch {
+            asked,
+            asked_of,
+            occluded,
+            occlusion,
+            ..
+        } = &mut *self.scratch;
+        occluded.resize(asked.len(), false);
+        self.tracer.occluded(asked, occluded, occlusion);
+        for (&i, _) in asked_of
+            .iter()
+            .zip(&*occluded)
+            .filter(|(_, occluded)| **occluded)
+        {
+            radiances[i] = Vec3::ZERO;
+        }
+        let spent = started.elapsed();
+        if let Some(mark) = &mut self.mark {
+            mark.since += spent;
+        }
+        self.counters.time(Phase::Trace, spent);
     }
 
     fn unit_radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {

@@ -33,6 +33,7 @@ pub(super) fn probe<E: LightEval>(
     descents: &mut Descents,
 ) -> Probed {
     let mut clusters = vec![Cluster::default(); cut.len()];
+    let (mut lights, mut radiances) = (Vec::new(), Vec::new());
     let shifts: Vec<f64> = clusters.iter().map(|_| rng.f64()).collect();
     for (j, x) in pilots.iter().enumerate() {
         let albedo = f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo))));
@@ -52,11 +53,14 @@ pub(super) fn probe<E: LightEval>(
         cut.pick_within(tree, &x.receiver, numbers, draws, descents);
         descents.descend(tree);
         let drawn = descents.drawn(0).iter().flatten();
+        lights.clear();
         for drawn in drawn.clone() {
             eval.expect(drawn.light);
+            lights.push(drawn.light);
         }
-        for drawn in drawn {
-            let light = f64::from(luminance(eval.radiance(x, drawn.light)));
+        eval.radiances(x, &lights, &mut radiances);
+        for (drawn, &radiance) in drawn.zip(&radiances) {
+            let light = f64::from(luminance(radiance));
             let share = light / (drawn.weight * albedo);
             clusters[drawn.cluster as usize].squares += share * share;
         }
