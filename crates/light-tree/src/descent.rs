@@ -439,7 +439,13 @@ fn choose(weights: &Lanes, u: f64) -> Chosen {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::draws::Draws;
+    use crate::lobe::Lobe;
+    use crate::shared_cut::SharedCut;
+    use crate::test_lights::{lights_on_walls, receiver, wide};
 
     #[test]
     fn extreme_numbers_never_choose_a_lane_of_weight_zero() {
@@ -471,5 +477,68 @@ mod tests {
             let (lane, _, u) = lane_at(&weights, &to, at);
             assert_eq!((lane, u), (5, BELOW_ONE), "at {at}");
         }
+    }
+
+    #[test]
+    fn two_blocks_at_once_are_weighed_as_each_by_itself() {
+        let tree = wide(&lights_on_walls(500)).expect("has lights");
+        let matte = receiver((Vec3::new(0.1, -0.9, 0.2), Vec3::Y));
+        let glossy = receiver((Vec3::new(-1.0, 0.3, 0.3), Vec3::X)).with_lobe(Lobe {
+            axis: Vec3::X,
+            diffuse: 0.1,
+            near: 0.2,
+            far: 0.0,
+            far_sin2: 1.0,
+            alpha2: 0.04,
+        });
+        let receivers = [matte, glossy];
+        for blocks in [[0, 1], [5, 3], [7, 7]] {
+            let mut couple = Couple::NONE;
+            for which in 0..2 {
+                let seen = tree.seen(&receivers[which]);
+                couple.put(which, &tree, blocks[which], &seen);
+            }
+            couple.weigh(&tree);
+            for which in 0..2 {
+                let (block, x) = (blocks[which], &receivers[which]);
+                let alone = tree.weights::<false>(block, x, &tree.seen(x));
+                assert_eq!(
+                    *couple.weights(which),
+                    alone.weights,
+                    "{which} of {blocks:?}"
+                );
+                for (lane, &alike) in alone.alike.iter().enumerate() {
+                    assert_eq!(couple.is_far(which, lane), alike > 0.0, "lane {lane}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wide_and_narrow_instructions_draw_the_same_lights() {
+        let tree = wide(&lights_on_walls(3000)).expect("has lights");
+        let places = [(Vec3::new(0.1, -0.9, 0.2), Vec3::Y), (Vec3::ZERO, Vec3::X)];
+        let mut cut = SharedCut::default();
+        cut.refine(&tree, &[receiver(places[0])], 60);
+        let drawn = |is_wide: bool| {
+            let (mut draws, mut descents) = (Draws::default(), Descents::default());
+            for at in places {
+                let x = receiver(at);
+                cut.weigh(&tree, &x, &mut draws);
+                cut.settle(&tree, 37, &mut draws);
+                match is_wide {
+                    true => cut.pick(&tree, &x, 0.3, &mut draws, &mut descents),
+                    false => draws.pick_with(&cut, &tree, &x, 0.3, &mut descents),
+                }
+            }
+            match is_wide {
+                true => descents.descend(&tree),
+                false => descents.descend_with(&tree),
+            }
+            [0, 1].map(|i| descents.drawn(i).to_vec())
+        };
+        let [a, b] = drawn(true);
+        assert!(a.len() > 20 && b.len() > 20, "enough to fill registers");
+        assert_eq!(drawn(false), [a, b]);
     }
 }

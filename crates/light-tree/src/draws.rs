@@ -141,7 +141,7 @@ impl Draws {
     }
 
     #[inline(always)]
-    fn pick_with(
+    pub(crate) fn pick_with(
         &mut self,
         cut: &SharedCut,
         tree: &WideTree,
@@ -291,4 +291,26 @@ fn take_certain<'a>(
         }
     }
     taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_found_in_the_row_whose_sum_is_the_first_beyond_them() {
+        for count in [1, 7, FEW, FEW + 1] {
+            // Every other row is empty.
+            let sums: Vec<f64> = (0..count).map(|i| (i / 2 + 1) as f64).collect();
+            let mut at = [0.0; TOGETHER];
+            for (k, at) in at.iter_mut().enumerate() {
+                *at = 0.25 * k as f64 * sums[count - 1] / 4.0;
+            }
+            let found = rows_at(&sums, &at);
+            for (at, row) in at.iter().zip(found) {
+                let expected = sums.iter().filter(|sum| *sum <= at).count();
+                assert_eq!(row as usize, expected, "{at} in {count} rows");
+            }
+        }
+    }
 }

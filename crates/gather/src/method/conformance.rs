@@ -562,8 +562,15 @@ fn shadow_rays_wait_for_a_batch_without_changing_a_bit() {
             queue.add(&x, id, 1.0);
             at_once += queue.radiance(&x, id).as_dvec3();
         }
-        let (_, sums) = queue.finish();
+        let lights: Vec<_> = inputs.lights.ids().collect();
+        let mut radiances = vec![Vec3::ONE; 3];
+        queue.radiances(&x, &lights, &mut radiances);
+        assert_eq!(radiances.len(), lights.len(), "one each");
+        let together = radiances.iter().map(|r| r.as_dvec3()).sum::<DVec3>();
+        let (counters, sums) = queue.finish();
         assert_eq!(sums[0].radiance, at_once, "at {}", x.position);
+        assert_eq!(together, at_once, "together at {}", x.position);
+        assert_eq!(counters.light_samples, 3 * lights.len() as u64, "all count");
     }
 }
 
