@@ -48,7 +48,8 @@ impl Cluster {
     }
 }
 
-/// Eight clusters, or as many of several blocks, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of the whole.
+/// Eight clusters, or as many of several blocks, number by number. Lengths are in units of [`WideTree::scale`], intensities shares of
+/// the whole.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct Block<const N: usize = WIDTH> {
