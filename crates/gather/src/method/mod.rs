@@ -62,7 +62,7 @@ pub trait Method<'a>: Sized + Sync {
     /// Whether the expected value is that of [`AllLights`].
     fn is_unbiased(&self) -> bool;
 
-    /// Most bytes that it keeps of a tile from pass to pass, in [`Learned`].
+    /// Most bytes that it keeps of a tile from pass to pass, in `Learned`.
     fn most_learned_bytes(_spec: &Self::Spec) -> u64 {
         0
     }
