@@ -244,13 +244,13 @@ fn too_many_lights_and_a_budget_that_is_never_spent_fail_alone() {
     let lights = "(name: \"too many\", lights: Virtual(count: 1000000)),";
     change(&folder, "(name: \"lamps\", lights: AsGiven),", lights);
     folder
-        .run("experiment rooms.ron --quiet --max-memory 400MB")
+        .run("experiment rooms.ron --quiet --max-memory 200MB")
         .exits(1);
     let table = rows(&folder, "out/rooms/results.csv");
     for row in &table {
         let failed = row["lights"] == "too many";
         assert_eq!(row["status"] == "failed", failed, "{row:?}");
-        for part in ["480.2 MB", "400.0 MB of --max-memory", "lights.count"] {
+        for part in ["300.2 MB", "200.0 MB of --max-memory", "lights.count"] {
             assert!(!failed || row["message"].contains(part), "{row:?}");
         }
     }

@@ -22,7 +22,7 @@ impl GlossySender {
     /// `None` for matte lights, and for lights that are not virtual.
     #[inline]
     pub(crate) fn of(lights: &LightSet, id: LightId) -> Option<Self> {
-        lights.gloss(id).map(Self::new)
+        lights.gloss(id).map(|gloss| Self::new(&gloss))
     }
 
     fn new(gloss: &Gloss) -> Self {

@@ -335,8 +335,9 @@ mod tests {
         let w = Vec3::new(-0.55, 0.8, 0.1).normalize();
         let sent = set.intensity(LightId(0)) * sender.emitted(w);
         let exact = flux * brdf.eval(normal, incoming, w);
+        // Directions are kept to 7·10⁻⁵.
         assert!(
-            sent.distance(exact) < 1e-6 * exact.length(),
+            sent.distance(exact) < 1e-4 * exact.length(),
             "{sent} vs {exact}"
         );
     }

@@ -131,7 +131,8 @@ struct Out<'a> {
     cones: &'a mut [[Cone; 2]],
     profiles: &'a mut [[Profile; 2]],
     directional: &'a mut [[f32; 2]],
-    least_dist2: &'a mut [[Floor; 2]],
+    /// One a pair.
+    least_dist2: &'a mut [Floor],
     /// Index of `pairs[0]` in the whole tree.
     first: u32,
 }
@@ -281,7 +282,7 @@ pub(crate) fn build(
         if_any(keeps_directions && has_profiles),
     );
     let mut directional = filled([0.0; 2], if_any(distant > 0));
-    let mut least_dist2 = filled([Floor::ZERO; 2], if_any(differ_in_radius(lights)));
+    let mut least_dist2 = filled(Floor::ZERO, if_any(differ_in_radius(lights)));
     let out = Out {
         pairs: &mut pairs[1..],
         cones: below(&mut cones),
@@ -302,7 +303,7 @@ pub(crate) fn build(
         d[0] = root.directional;
     }
     if let Some(d) = least_dist2.first_mut() {
-        d[0] = Floor::of(root.least_dist2);
+        *d = Floor::of(root.least_dist2);
     }
     Some(LightTree {
         pairs,
@@ -317,7 +318,10 @@ pub(crate) fn build(
             0.0
         },
         least_dist2: root.least_dist2,
-        least_dist2_below: least_dist2.into_flattened(),
+        least_dist2_below: least_dist2
+            .par_chunks(Floor::PAIRS)
+            .map(|pairs| pairs.iter().copied().min().unwrap_or(Floor::ZERO))
+            .collect(),
         greatest_dist2: 1.5 * lights.greatest_radius() * lights.greatest_radius(),
     })
 }
@@ -408,8 +412,9 @@ fn parent(context: &Context, own: Out<'_>, l: Top, r: Top) -> Top {
     if let Some(d) = own.directional.first_mut() {
         *d = [l.directional, r.directional];
     }
+    let least_dist2 = l.least_dist2.min(r.least_dist2);
     if let Some(d) = own.least_dist2.first_mut() {
-        *d = [l, r].map(|top| Floor::of(top.least_dist2));
+        *d = Floor::of(least_dist2);
     }
     Top {
         node: Node::inner(
@@ -424,7 +429,7 @@ fn parent(context: &Context, own: Out<'_>, l: Top, r: Top) -> Top {
             Emission::ANY
         },
         directional: l.directional + r.directional,
-        least_dist2: l.least_dist2.min(r.least_dist2),
+        least_dist2,
         depth: 1 + l.depth.max(r.depth),
     }
 }

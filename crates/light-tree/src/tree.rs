@@ -95,13 +95,17 @@ impl Node {
 #[repr(C, align(64))]
 pub(crate) struct Pair(pub(crate) [Node; 2]);
 
-/// A squared distance that others are no less than, in half the memory: the upper half of a floating-point number ≥ 0.
+/// A squared distance that those of several pairs are no less than, in half the memory: the upper half of a floating-point number
+/// ≥ 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Floor(u16);
 
 impl Floor {
     /// None at all.
     pub(crate) const ZERO: Self = Self(0);
+
+    /// So many pairs have one: neighbours, most of them of one small cluster.
+    pub(crate) const PAIRS: usize = 4;
 
     /// Of a number ≥ 0, rounded down, by less than a part in 128: the least of several is that of the least.
     #[inline]
@@ -144,7 +148,7 @@ pub struct LightTree {
     pub(crate) diagonal2: f32,
     /// 1.5 r² for the least radius r of the virtual lights of the whole tree.
     pub(crate) least_dist2: f32,
-    /// The same per node, for virtual lights that differ in radius; otherwise empty.
+    /// The same per [`Floor::PAIRS`] pairs, for virtual lights that differ in radius; otherwise empty.
     pub(crate) least_dist2_below: Vec<Floor>,
     /// None of these is greater.
     pub(crate) greatest_dist2: f32,
@@ -241,11 +245,12 @@ impl LightTree {
     }
 
     /// No squared distance below this tells the lights below apart: 1.5 r², where all are virtual and of a radius of at
-    /// least r. Where radii differ it is a little less than that.
+    /// least r. Where radii differ it may be less than that.
     #[inline]
     pub(crate) fn least_dist2(&self, id: NodeId) -> f32 {
-        let own = self.least_dist2_below.get(id.0 as usize);
-        own.map_or(self.least_dist2, |floor| floor.get())
+        let pair = (id.0 >> 1) as usize;
+        let below = self.least_dist2_below.get(pair / Floor::PAIRS);
+        below.map_or(self.least_dist2, |floor| floor.get())
     }
 
     /// Number of nodes, leaves included: 2 n − 1.

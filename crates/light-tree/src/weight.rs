@@ -206,6 +206,7 @@ mod tests {
     use super::*;
     use crate::build::TreeBuilder;
     use crate::lights::LightSet;
+    use crate::tree::Floor;
 
     fn pair_share(lights: &[(Vec3, f32)], x: &Receiver, weights: NodeWeights) -> f64 {
         let mut set = LightSet::default();
@@ -286,21 +287,27 @@ mod tests {
         for i in 0..4u8 {
             set.push_point(Vec3::X * f32::from(i), Vec3::ONE);
         }
-        for i in 0..4u8 {
+        for i in 0..16u8 {
             set.push_virtual(&crate::light::VirtualLight {
-                position: Vec3::new(f32::from(i), 1.0, 0.3),
+                position: Vec3::new(f32::from(i), 100.0, 0.3),
                 normal: Vec3::Y,
                 intensity: Vec3::ONE,
                 gloss: None,
             });
         }
         let mut own = set.clone();
-        own.set_radii(vec![1e5; 4]);
+        own.set_radii(vec![1e5; 16]);
         set.set_radius(1e5);
         for set in [set, own] {
             let tree = LightTree::build(&set, TreeBuilder::Binned).expect("has lights");
+            let group = |id: NodeId| id.0 as usize / (2 * Floor::PAIRS);
+            let mut has_lamps = [false; 5];
             for id in tree.nodes_below(tree.root()) {
-                let lamps = tree.lights_below(id).any(|l| l.index() < 4);
+                has_lamps[group(id)] |= tree.lights_below(id).any(|l| l.index() < 4);
+            }
+            assert!(has_lamps[0] && !has_lamps[4], "{has_lamps:?}");
+            for id in tree.nodes_below(tree.root()) {
+                let lamps = has_lamps[group(id)];
                 let least = if lamps { 0.0 } else { 1.5e10 };
                 let own = tree.least_dist2(id);
                 let is_close = own <= least && own >= least * (127.0 / 128.0);

@@ -204,7 +204,7 @@ mod tests {
         assert!(drawn(&parallel) == without, "with parallel light");
         // Spheres of another part of the scene.
         let spheres = LightTree {
-            least_dist2_below: vec![Floor::ZERO; nodes],
+            least_dist2_below: vec![Floor::ZERO; plain.pairs.len()],
             greatest_dist2: 4.0,
             ..plain.clone()
         };
