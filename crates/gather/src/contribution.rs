@@ -40,6 +40,15 @@ pub(crate) struct Unoccluded {
     pub(crate) shadow_ray: Ray,
 }
 
+impl Unoccluded {
+    /// What it adds to the pixel sample of `x` if it was chosen and is multiplied by `scale`; `None` where that is not finite.
+    pub(crate) fn adds(&self, x: &GatherPoint, scale: f64) -> Option<Vec3> {
+        // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.
+        let value = ((self.radiance * x.strength).as_dvec3() * scale).as_vec3();
+        value.is_finite().then_some(value)
+    }
+}
+
 /// Radiance that light `id` sends by way of `x` to the viewer; `None` when it is below a horizon or black.
 ///
 /// `rng` is drawn from only for lights with an extent, and where a virtual light has no closed form: then the expected

@@ -73,6 +73,16 @@ pub struct Trial {
     pub(crate) expected: f64,
 }
 
+impl Trial {
+    /// The place of no trial.
+    pub(crate) const NO_PLACE: u32 = u32::MAX;
+    /// Of which nothing is noted.
+    pub(crate) const NONE: Self = Self {
+        place: Self::NO_PLACE,
+        expected: 0.0,
+    };
+}
+
 /// Steps of a square of 1.
 const STEPS: f64 = 64.0;
 /// No square counts for more.

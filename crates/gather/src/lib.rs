@@ -48,6 +48,7 @@ mod counters;
 mod error_bound;
 mod gather_tree;
 mod learned;
+mod lobe_lanes;
 pub mod method;
 mod path;
 mod plan;
@@ -55,10 +56,12 @@ mod point;
 mod render;
 mod sender;
 mod shadow_queue;
+mod side_by_side;
 mod sphere;
 mod tile_points;
 mod vsl;
 mod weight;
+mod width;
 
 pub use contribution::VirtualShape;
 pub use counters::{Counters, Phase, Seconds};
@@ -68,6 +71,7 @@ pub use plan::{BOUNCES, Plan};
 pub use point::GatherPoint;
 pub use render::{Pass, Render, RenderSpec, Shard};
 pub use shadow_queue::{Gathered, LightEval, QueueScratch, SampleSum, Seen, ShadowQueue};
+pub use side_by_side::LightSample;
 pub use tile_points::{Centre, TilePoints};
 
 use std::borrow::Cow;

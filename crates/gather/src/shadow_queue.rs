@@ -9,10 +9,11 @@ use sampling::Rng;
 use scene::Scene;
 use scene::trace::{OcclusionScratch, Ray, Tracer};
 
-use crate::contribution::{Unoccluded, VirtualShape, unoccluded, unoccluded_of};
+use crate::contribution::{Unoccluded, VirtualShape, unoccluded_of};
 use crate::counters::{Counters, Phase};
 use crate::learned::{Trial, Trials};
 use crate::point::GatherPoint;
+use crate::side_by_side::{LightSample, Seen as SeenPoint, SideBySide, World};
 
 /// What a method may ask of the renderer.
 ///
@@ -20,15 +21,16 @@ use crate::point::GatherPoint;
 /// renderer traces the shadow rays of many points together, several times faster than one by one. A method
 /// that refines on what it sees asks for [`radiance`](Self::radiance) at once.
 pub trait LightEval {
-    /// Adds `scale` times what light `id` sends by way of `x` to the pixel sample of `x`. `scale` is 1 over
-    /// the probability of having chosen the light.
-    fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64);
+    /// Adds what lights send by way of `x`, each multiplied by its scale, to the pixel sample of `x`. Many that are added
+    /// together take less time than one by one.
+    fn add(&mut self, x: &GatherPoint, samples: impl IntoIterator<Item = LightSample>);
 
-    /// As [`add`](Self::add), and what comes of it is noted for later samples.
-    fn add_trial(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial);
-
-    /// Says that light `id` is about to be [added](Self::add), after others: its memory is asked for.
+    /// Says that light `id` will be [added](Self::add), after others: its memory is asked for.
     fn expect(&mut self, id: LightId);
+
+    /// Says that light `id`, which was [expected](Self::expect) some time ago, will be added soon: what lies behind its memory
+    /// is asked for.
+    fn expect_soon(&mut self, id: LightId);
 
     /// Radiance that light `id` sends by way of `x` toward the viewer, visibility included, at once.
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3;
@@ -115,13 +117,10 @@ struct Pending {
     value: Vec3,
     slot: u32,
     is_direct: bool,
-    /// Place among the trials, or [`NO_TRIAL`], and what [`Trials::square`] says of the light.
+    /// Place among the trials, or that of [`Trial::NONE`], and what [`Trials::square`] says of the light.
     trial: u32,
     square: u32,
 }
-
-/// The place of no trial.
-const NO_TRIAL: u32 = u32::MAX;
 
 /// Rays traced together. Enough to keep the tracer's lanes full, few enough to stay in the nearest cache.
 const BATCH: usize = 1024;
@@ -161,6 +160,7 @@ pub struct QueueScratch {
     pending: Vec<Pending>,
     occluded: Vec<bool>,
     trials: Vec<Trials>,
+    side_by_side: SideBySide,
     sums: Vec<SampleSum>,
     /// Rays whose answers are waited for, and of which light each is.
     asked: Vec<Ray>,
@@ -258,40 +258,32 @@ impl<'a> ShadowQueue<'a> {
         (self.counters, &self.scratch.sums)
     }
 
-    /// Adds a light, and notes what comes of it in the place that `trial` has, if it is one.
-    #[inline]
-    fn push(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial) {
-        if let Some(trials) = self.scratch.trials.get_mut(trial.place as usize) {
-            trials.begin();
+    /// Queues the shadow rays of the lights that were evaluated.
+    fn queue(&mut self, x: &GatherPoint) {
+        let QueueScratch {
+            side_by_side,
+            rays,
+            pending,
+            ..
+        } = &mut *self.scratch;
+        self.counters.nonfinite += u64::from(side_by_side.refused());
+        for lit in side_by_side.brought(x) {
+            let LightSample { light, trial, .. } = lit.sample;
+            let square = match trial.place {
+                Trial::NO_PLACE => 0,
+                _ => Trials::square(f64::from(luminance(lit.radiance)), trial.expected),
+            };
+            rays.push(lit.shadow_ray);
+            pending.push(Pending {
+                value: lit.value,
+                slot: x.slot,
+                is_direct: x.bounce == 0 && self.lights.is_source(light),
+                trial: trial.place,
+                square,
+            });
         }
-        self.counters.light_samples += 1;
-        let (scene, lights, rng) = (self.scene, self.lights, &mut self.rng);
-        let Some(light) = unoccluded(scene, lights, self.shape, x, id, rng) else {
-            return;
-        };
-        // The product in f64: a tiny probability is no reason to overflow when the contribution is tiny too.
-        let value = ((light.radiance * x.strength).as_dvec3() * scale).as_vec3();
-        if !value.is_finite() {
-            self.counters.nonfinite += 1;
-            return;
-        }
-        if value == Vec3::ZERO {
-            return;
-        }
-        let square = match trial.place {
-            NO_TRIAL => 0,
-            _ => Trials::square(f64::from(luminance(light.radiance)), trial.expected),
-        };
-        self.scratch.rays.push(light.shadow_ray);
-        self.scratch.pending.push(Pending {
-            value,
-            slot: x.slot,
-            is_direct: x.bounce == 0 && lights.is_source(id),
-            trial: trial.place,
-            square,
-        });
         // A method may add a million lights at one point.
-        if self.scratch.rays.len() >= 4 * BATCH {
+        if rays.len() >= 4 * BATCH {
             self.flush();
         }
     }
@@ -358,22 +350,43 @@ impl<'a> ShadowQueue<'a> {
 
 impl LightEval for ShadowQueue<'_> {
     #[inline]
-    fn add(&mut self, x: &GatherPoint, id: LightId, scale: f64) {
-        let none = Trial {
-            place: NO_TRIAL,
-            expected: 0.0,
+    fn add(&mut self, x: &GatherPoint, samples: impl IntoIterator<Item = LightSample>) {
+        let world = World {
+            scene: self.scene,
+            lights: self.lights,
+            shape: self.shape,
         };
-        self.push(x, id, scale, none);
-    }
-
-    #[inline]
-    fn add_trial(&mut self, x: &GatherPoint, id: LightId, scale: f64, trial: Trial) {
-        self.push(x, id, scale, trial);
+        let seen = SeenPoint::of(x, self.shape);
+        let mut samples = samples.into_iter();
+        loop {
+            let QueueScratch {
+                side_by_side,
+                trials,
+                ..
+            } = &mut *self.scratch;
+            let taken = side_by_side.take(self.lights, &seen, &mut samples);
+            if taken.is_empty() {
+                return;
+            }
+            self.counters.light_samples += taken.len() as u64;
+            for sample in taken {
+                if let Some(trials) = trials.get_mut(sample.trial.place as usize) {
+                    trials.begin();
+                }
+            }
+            side_by_side.evaluate(&world, x, &seen, &mut self.rng);
+            self.queue(x);
+        }
     }
 
     #[inline]
     fn expect(&mut self, id: LightId) {
         self.lights.prefetch(id);
+    }
+
+    #[inline]
+    fn expect_soon(&mut self, id: LightId) {
+        self.lights.prefetch_gloss(id);
     }
 
     fn radiance(&mut self, x: &GatherPoint, id: LightId) -> Vec3 {

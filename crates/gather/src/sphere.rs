@@ -24,7 +24,7 @@ pub(crate) const MOST_STRATEGIES: u32 = 3;
 
 /// A lobe is drawn from when the cone is at least this share of its width. In a cone much narrower than the lobe the lobe is
 /// constant, and the uniform strategy alone is best.
-const LEAST_SHARE: f32 = 0.05;
+pub(crate) const LEAST_SHARE: f32 = 0.05;
 
 /// An estimate of the integral, exact between matte surfaces above whose horizons all of the cone is. `normal` is that of the
 /// light, whose emission it bounds; `sender` how a glossy light shines.

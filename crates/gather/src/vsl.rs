@@ -22,7 +22,7 @@ pub(crate) struct Subtended {
     /// Sine of the half angle; 1 inside the sphere, where the cone is a hemisphere.
     sin: f32,
     /// 1 − cosine of the half angle, without the cancellation of 1 − cos.
-    one_minus_cos: f32,
+    pub(crate) one_minus_cos: f32,
     /// max(d, r)².
     far2: f32,
 }
@@ -38,6 +38,12 @@ impl Subtended {
             // The square underflows, not the direction.
             (offset * 2.0f32.powi(64)).normalize_or(normal)
         };
+        Self::along(axis, dist, dist2, radius)
+    }
+
+    /// Cone of the sphere of `radius` whose centre lies `dist` along unit `axis`, a distance of which `dist2` is the square.
+    #[inline(always)]
+    pub(crate) fn along(axis: Vec3, dist: f32, dist2: f32, radius: f32) -> Self {
         let sin = if dist > radius { radius / dist } else { 1.0 };
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         Self {
@@ -48,16 +54,19 @@ impl Subtended {
         }
     }
 
+    #[inline(always)]
     fn cos(&self) -> f32 {
         1.0 - self.one_minus_cos
     }
 
     /// Solid angle over πr²: 2 / (max(d, r)² (1 + cos)), which for r → 0 is 1/d².
+    #[inline(always)]
     pub(crate) fn spread(&self) -> f32 {
         2.0 / (self.far2 * (1.0 + self.cos()))
     }
 
     /// Whether the whole cone is above the horizon of a surface that sees its axis under cosine `cos`.
+    #[inline(always)]
     pub(crate) fn is_above(&self, cos: f32) -> bool {
         cos >= self.sin
     }
@@ -76,6 +85,7 @@ impl Subtended {
 
     /// ∫ (n·ω)(b·ω) dω / (πr²) over the cone, for unit `n` and `b` that see its axis under `cos_n` and `cos_b`
     /// and that both have the whole cone above their horizon.
+    #[inline(always)]
     pub(crate) fn cosine_integral(&self, n: Vec3, b: Vec3, cos_n: f32, cos_b: f32) -> f32 {
         // With K = 1/(max(d,r)² (1+c)) and h = 1 − c the moments of the cone are
         // A = ⅔ K (1 + c + c²) along the axis and B = ⅓ K h (2 + c) across it.
@@ -87,11 +97,13 @@ impl Subtended {
     }
 
     /// Solid angle, sr.
+    #[inline(always)]
     pub(crate) fn solid_angle(&self) -> f32 {
         std::f32::consts::TAU * self.one_minus_cos
     }
 
     /// Whether unit `w` lies in the cone.
+    #[inline(always)]
     pub(crate) fn contains(&self, w: Vec3) -> bool {
         // By the chord, which unlike the cosine tells narrow cones apart.
         w.distance_squared(self.axis) <= 2.0 * self.one_minus_cos

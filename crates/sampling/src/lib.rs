@@ -32,5 +32,6 @@ pub use rng::Extreme;
 pub use rng::{Numbers, Purpose, Rng};
 pub use sequence::Sequence;
 pub use warp::{
-    Frame, cosine_hemisphere, uniform_cone, uniform_disc, uniform_sphere, uniform_triangle,
+    Frame, cone_direction, cosine_hemisphere, turn, uniform_cone, uniform_disc, uniform_sphere,
+    uniform_triangle,
 };

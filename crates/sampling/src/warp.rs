@@ -55,11 +55,23 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> (Vec3, f32) {
 /// Takes 1 − cos rather than cos: for narrow cones an f32 cosine rounds to 1.
 #[inline]
 pub fn uniform_cone(one_minus_cos: f32, u: [f32; 2]) -> Vec3 {
-    let h = u[0] * one_minus_cos;
+    cone_direction(one_minus_cos, u[0], turn(u[1]))
+}
+
+/// [`uniform_cone`] of `u` and the number of which `turn` is the [`turn`].
+#[inline(always)]
+pub fn cone_direction(one_minus_cos: f32, u: f32, [sin, cos]: [f32; 2]) -> Vec3 {
+    let h = u * one_minus_cos;
     let z = 1.0 - h;
     let r = (h * (2.0 - h)).max(0.0).sqrt();
-    let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
     Vec3::new(r * cos, r * sin, z)
+}
+
+/// Sine and cosine of the share `u` of a full turn.
+#[inline]
+pub fn turn(u: f32) -> [f32; 2] {
+    let (sin, cos) = (2.0 * PI * u).sin_cos();
+    [sin, cos]
 }
 
 /// A point uniform over the unit disc.

@@ -3,7 +3,9 @@
 use criterion::{Criterion, Throughput};
 use glam::Vec3;
 use light_tree::{Cut, LightId, NodeWeights};
-use manylight_gather::{GatherPoint, LightEval, QueueScratch, ShadowQueue, VirtualShape};
+use manylight_gather::{
+    GatherPoint, LightEval, LightSample, QueueScratch, ShadowQueue, VirtualShape,
+};
 use sampling::{Purpose, Rng};
 use scene::trace::Tracer;
 use scene::{Brdf, Fresnel, Scene};
@@ -44,9 +46,7 @@ pub(crate) fn bench(c: &mut Criterion, view: &View) {
                 for &light in lights {
                     queue.expect(light);
                 }
-                for &light in lights {
-                    queue.add(x, light, 1.0);
-                }
+                queue.add(x, lights.map(|light| LightSample::new(light, 1.0)));
                 queue.end_point();
             });
         });

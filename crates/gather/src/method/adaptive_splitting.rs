@@ -2,7 +2,7 @@
 //!
 //! Source: Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting".
 
-use light_tree::{EnergyVariance, LightTree, Splitter, SplittingRule};
+use light_tree::{EnergyVariance, LightTree, Selected, Splitter, SplittingRule};
 use sampling::Rng;
 use serde::Deserialize;
 
@@ -12,6 +12,7 @@ use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 
 /// Descends the light tree from its root, into both children where the lights below differ much for the point and
 /// into one, drawn by importance, elsewhere; `samples` times over, and takes the mean. Unbiased.
@@ -96,12 +97,11 @@ impl<'a> Method<'a> for AdaptiveSplitting<'a> {
             for selected in drawn.iter().flatten() {
                 eval.expect(selected.light);
             }
-            for selected in drawn {
-                match selected {
-                    Some(s) => eval.add(x, s.light, 1.0 / (samples * s.pmf)),
-                    None => eval.count_dead(),
-                }
+            for _ in drawn.iter().filter(|selected| selected.is_none()) {
+                eval.count_dead();
             }
+            let sample = |s: &Selected| LightSample::new(s.light, 1.0 / (samples * s.pmf));
+            eval.add(x, drawn.iter().flatten().map(sample));
             eval.mark(Phase::Evaluate);
         }
     }

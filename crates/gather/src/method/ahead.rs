@@ -76,9 +76,9 @@ impl<T> Ahead<T> {
         &self.items[self.range(self.taken - 1)]
     }
 
-    /// Those of the one after it; none where it was the last.
-    pub(super) fn next(&self) -> &[T] {
-        &self.items[self.range(self.taken)]
+    /// Those of the point whose turn comes after so many others; none behind the last.
+    pub(super) fn coming(&self, after: usize) -> &[T] {
+        &self.items[self.range(self.taken + after)]
     }
 
     fn range(&self, point: usize) -> std::ops::Range<usize> {
@@ -124,7 +124,10 @@ mod tests {
             assert!(ahead.has(&points[i]) && !ahead.has(&points[i + 1]), "{i}");
             ahead.turn();
             assert_eq!(ahead.now(), list);
-            assert_eq!(ahead.next(), lists.get(i + 1).map_or(&[][..], |next| next));
+            for after in 0..3 {
+                let coming = lists.get(i + 1 + after).map_or(&[][..], |list| list);
+                assert_eq!(ahead.coming(after), coming, "{after} after {i}");
+            }
         }
         assert!(!ahead.has(&points[3]), "all are done");
     }

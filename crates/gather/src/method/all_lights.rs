@@ -7,6 +7,7 @@ use super::Method;
 use crate::Inputs;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 
 /// Evaluates every light, with a shadow ray for each that is above the horizon. No tree is built.
 #[derive(Debug)]
@@ -32,8 +33,7 @@ impl<'a> Method<'a> for AllLights<'a> {
     }
 
     fn point<E: LightEval>(&self, x: &GatherPoint, eval: &mut E, _: &mut Rng, (): &mut ()) {
-        for id in self.inputs.lights.ids() {
-            eval.add(x, id, 1.0);
-        }
+        let all = self.inputs.lights.ids();
+        eval.add(x, all.map(|id| LightSample::new(id, 1.0)));
     }
 }

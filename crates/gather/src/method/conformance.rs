@@ -15,6 +15,7 @@ use super::*;
 use crate::contribution::VirtualShape;
 use crate::counters::Counters;
 use crate::shadow_queue::{QueueScratch, SampleSum, ShadowQueue};
+use crate::side_by_side::LightSample;
 
 /// Probability that a sound method fails [`unbiased_methods_agree_with_all_lights`] for a random seed.
 const FALSE_ALARM: f64 = 1e-4;
@@ -559,7 +560,7 @@ fn shadow_rays_wait_for_a_batch_without_changing_a_bit() {
         );
         let mut at_once = DVec3::ZERO;
         for id in inputs.lights.ids() {
-            queue.add(&x, id, 1.0);
+            queue.add(&x, [LightSample::new(id, 1.0)]);
             at_once += queue.radiance(&x, id).as_dvec3();
         }
         let lights: Vec<_> = inputs.lights.ids().collect();

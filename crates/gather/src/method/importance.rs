@@ -12,6 +12,7 @@ use crate::Inputs;
 use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 use crate::weight::{rough_weight, unoccluded_weight};
 
 /// Draws `samples` lights with probabilities in proportion to a weight that is worked out for every light at every
@@ -75,9 +76,11 @@ impl<'a> Method<'a> for Importance<'a> {
             LightWeights::Cheap => rough_weight(self.lights, x, id),
         }));
         eval.mark(Phase::Select);
-        sampler.draw(self.spec.samples.get(), u, |i, scale| {
-            eval.add(x, LightId(i as u32), scale)
-        });
+        let drawn = sampler.draw(self.spec.samples.get(), u);
+        eval.add(
+            x,
+            drawn.map(|(i, scale)| LightSample::new(LightId(i as u32), scale)),
+        );
     }
 }
 
@@ -100,18 +103,18 @@ impl SystematicSampler {
         }));
     }
 
-    /// Draws `samples` times, at (k + u) / samples for k = 0, 1, …, and calls `visit` once for each index drawn:
-    /// with the number of times over the number expected. Nothing is drawn when all weights are 0.
-    fn draw(&self, samples: u32, u: f64, mut visit: impl FnMut(usize, f64)) {
+    /// Draws `samples` times, at (k + u) / samples for k = 0, 1, …, and gives each index drawn once, with the number of
+    /// times over the number expected. Nothing is drawn when all weights are 0.
+    fn draw(&self, samples: u32, u: f64) -> impl Iterator<Item = (usize, f64)> {
         let total = self.cumulative.last().copied().unwrap_or(0.0);
-        if total <= 0.0 {
-            return;
-        }
         let step = total / f64::from(samples);
         // Below the total also where the product rounds up to it, so that there is an index for each.
-        let target = |k: u32| ((f64::from(k) + u) * step).min(total.next_down());
-        let mut k = 0;
-        while k < samples {
+        let target = move |k: u32| ((f64::from(k) + u) * step).min(total.next_down());
+        let mut k = if total > 0.0 { 0 } else { samples };
+        std::iter::from_fn(move || {
+            if k >= samples {
+                return None;
+            }
             let i = self.cumulative.partition_point(|&c| c <= target(k));
             let end = self.cumulative[i];
             let weight = end - if i == 0 { 0.0 } else { self.cumulative[i - 1] };
@@ -120,8 +123,8 @@ impl SystematicSampler {
             while k < samples && target(k) < end {
                 k += 1;
             }
-            visit(i, f64::from(k - first) * step / weight);
-        }
+            Some((i, f64::from(k - first) * step / weight))
+        })
     }
 }
 
@@ -146,13 +149,13 @@ mod tests {
         let mut observed = vec![0; WEIGHTS.len()];
         let mut rng = Rng::new(4, 0, 0, Purpose::Lights);
         for _ in 0..200_000 {
-            sampler.draw(1, rng.f64(), |i, scale| {
+            for (i, scale) in sampler.draw(1, rng.f64()) {
                 observed[i] += 1;
                 assert!(
                     (scale * WEIGHTS[i] / total - 1.0).abs() < 1e-9,
                     "scale {scale}"
                 );
-            });
+            }
         }
         let fit = chi_square(&observed, &WEIGHTS.map(|w| w / total));
         assert!(fit.p_value > 1e-6, "{fit:?}");
@@ -165,7 +168,7 @@ mod tests {
         for samples in [1, 2, 10, 1000] {
             for u in [0.0, 0.3, 1.0 - f64::EPSILON / 2.0] {
                 let mut drawn = 0.0;
-                sampler.draw(samples, u, |i, scale| {
+                for (i, scale) in sampler.draw(samples, u) {
                     let expected = f64::from(samples) * WEIGHTS[i] / total;
                     let times = scale * expected;
                     assert!(
@@ -173,7 +176,7 @@ mod tests {
                         "{i}: {times} of {expected}"
                     );
                     drawn += times;
-                });
+                }
                 assert!(
                     (drawn - f64::from(samples)).abs() < 1e-6,
                     "{drawn} of {samples}"
@@ -185,7 +188,7 @@ mod tests {
     #[test]
     fn nothing_is_drawn_where_nothing_has_weight() {
         for weights in [&[][..], &[0.0, 0.0]] {
-            sampler(weights).draw(10, 0.5, |i, _| panic!("drew {i}"));
+            assert_eq!(sampler(weights).draw(10, 0.5).next(), None, "{weights:?}");
         }
     }
 
@@ -195,9 +198,9 @@ mod tests {
         // The last number rounds up to a share of the whole.
         let last = 1.0 - f64::EPSILON / 2.0;
         for u in (0..1000).map(|k| f64::from(k) / 1000.0).chain([last]) {
-            sampler.draw(3, u, |i, scale| {
+            for (i, scale) in sampler.draw(3, u) {
                 assert!(i == 0 && scale.is_finite(), "drew {i}, scale {scale}");
-            });
+            }
         }
     }
 }

@@ -11,9 +11,9 @@ use serde::Deserialize;
 
 use super::{Count, Method};
 use crate::Inputs;
-use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 
 /// Draws `samples` lights, independently, with probabilities in proportion to power. Unbiased; no tree is
 /// built.
@@ -50,12 +50,11 @@ impl<'a> Method<'a> for Power {
     fn point<E: LightEval>(&self, x: &GatherPoint, eval: &mut E, rng: &mut Rng, (): &mut ()) {
         let Some(table) = &self.table else { return };
         let samples = f64::from(self.samples.get());
-        for _ in 0..self.samples.get() {
+        let draw = |_| {
             let i = table.sample(rng.f64());
-            eval.mark(Phase::Select);
-            eval.add(x, LightId(i as u32), 1.0 / (samples * table.pmf(i)));
-            eval.mark(Phase::Evaluate);
-        }
+            LightSample::new(LightId(i as u32), 1.0 / (samples * table.pmf(i)))
+        };
+        eval.add(x, (0..self.samples.get()).map(draw));
     }
 }
 

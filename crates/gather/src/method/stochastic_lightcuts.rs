@@ -20,6 +20,7 @@ use crate::counters::Phase;
 use crate::learned::Learned;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 use crate::tile_points::TilePoints;
 
 /// Splits the light tree into up to `cut` clusters by error bound and draws one light from each.
@@ -212,9 +213,9 @@ impl StochasticLightcuts<'_> {
     }
 }
 
-/// Asks for the lights of the point whose turn is next.
-fn expect_next<E: LightEval>(ahead: &Ahead<Option<Selected>>, eval: &mut E) {
-    for selected in ahead.next().iter().flatten() {
+/// Asks for lights of a point whose turn comes.
+fn expect<E: LightEval>(lights: &[Option<Selected>], eval: &mut E) {
+    for selected in lights.iter().flatten() {
         eval.expect(selected.light);
     }
 }
@@ -278,17 +279,20 @@ impl<'a> Method<'a> for StochasticLightcuts<'a> {
         }
         if !scratch.ahead.has(x) {
             self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
-            expect_next(&scratch.ahead, eval);
+            expect(scratch.ahead.coming(0), eval);
         }
         scratch.ahead.turn();
-        // What the next point needs arrives while this one is worked on.
-        expect_next(&scratch.ahead, eval);
-        for selected in scratch.ahead.now() {
-            match selected {
-                Some(s) => eval.add(x, s.light, 1.0 / s.pmf),
-                None => eval.count_dead(),
-            }
+        // The next point's lights have arrived, which were asked for one point earlier, and say what lies behind them.
+        for selected in scratch.ahead.coming(0).iter().flatten() {
+            eval.expect_soon(selected.light);
         }
+        expect(scratch.ahead.coming(1), eval);
+        let drawn = scratch.ahead.now();
+        for _ in drawn.iter().filter(|selected| selected.is_none()) {
+            eval.count_dead();
+        }
+        let sample = |s: &Selected| LightSample::new(s.light, 1.0 / s.pmf);
+        eval.add(x, drawn.iter().flatten().map(sample));
     }
 }
 

@@ -21,6 +21,7 @@ use crate::counters::Phase;
 use crate::learned::{Learned, Trial};
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 use crate::tile_points::TilePoints;
 
 /// Weighs a tile's clusters at each point and draws lights at even distances along them. Unbiased.
@@ -216,9 +217,9 @@ impl StratifiedLightcuts<'_> {
     }
 }
 
-/// Asks for the lights of the point whose turn is next.
-fn expect_next<E: LightEval>(ahead: &Ahead<Option<Drawn>>, eval: &mut E) {
-    for drawn in ahead.next().iter().flatten() {
+/// Asks for lights of a point whose turn comes.
+fn expect<E: LightEval>(lights: &[Option<Drawn>], eval: &mut E) {
+    for drawn in lights.iter().flatten() {
         eval.expect(drawn.light);
     }
 }
@@ -303,25 +304,29 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
         }
         if !scratch.ahead.has(x) {
             self.draw(std::slice::from_ref(x), |_| rng.clone(), eval, scratch);
-            expect_next(&scratch.ahead, eval);
+            expect(scratch.ahead.coming(0), eval);
         }
         scratch.ahead.turn();
-        // What the next point needs arrives while this one is worked on.
-        expect_next(&scratch.ahead, eval);
+        // The next point's lights have arrived, which were asked for one point earlier, and say what lies behind them.
+        for drawn in scratch.ahead.coming(0).iter().flatten() {
+            eval.expect_soon(drawn.light);
+        }
+        expect(scratch.ahead.coming(1), eval);
         let own = scratch.factors_of(x);
         let (factors, typical) = (&scratch.factors[own.clone()], scratch.typical);
         let albedo = match factors.is_empty() {
             true => 0.0,
             false => f64::from(luminance(x.brdf.albedo(x.ns.dot(x.wo)))),
         };
-        for drawn in scratch.ahead.now() {
-            let Some(drawn) = drawn else {
-                eval.count_dead();
-                continue;
-            };
-            if factors.is_empty() || typical == 0.0 {
-                eval.add(x, drawn.light, 1.0 / drawn.expected);
-                continue;
+        let all = scratch.ahead.now();
+        for _ in all.iter().filter(|drawn| drawn.is_none()) {
+            eval.count_dead();
+        }
+        let has_trials = !factors.is_empty() && typical != 0.0;
+        let sample = |drawn: &Drawn| {
+            let sample = LightSample::new(drawn.light, 1.0 / drawn.expected);
+            if !has_trials {
+                return sample;
             }
             let cluster = drawn.cluster as usize;
             let weight = drawn.weight / f64::from(factors[cluster]);
@@ -329,8 +334,9 @@ impl<'a> Method<'a> for StratifiedLightcuts<'a> {
                 place: (own.start + cluster) as u32,
                 expected: weight * albedo * typical,
             };
-            eval.add_trial(x, drawn.light, 1.0 / drawn.expected, trial);
-        }
+            LightSample { trial, ..sample }
+        };
+        eval.add(x, all.iter().flatten().map(sample));
     }
 }
 

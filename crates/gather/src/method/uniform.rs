@@ -6,9 +6,9 @@ use serde::Deserialize;
 
 use super::{Count, Method};
 use crate::Inputs;
-use crate::counters::Phase;
 use crate::point::GatherPoint;
 use crate::shadow_queue::LightEval;
+use crate::side_by_side::LightSample;
 
 /// Draws `samples` lights, each of n with probability 1/n, independently. Unbiased; no tree is built.
 #[derive(Debug)]
@@ -46,12 +46,11 @@ impl<'a> Method<'a> for Uniform {
         }
         let n = self.lights as f64;
         let scale = n / f64::from(self.samples.get());
-        for _ in 0..self.samples.get() {
+        let draw = |_| {
             // u < 1, but u n may round up to n.
             let i = ((rng.f64() * n) as usize).min(self.lights - 1);
-            eval.mark(Phase::Select);
-            eval.add(x, LightId(i as u32), scale);
-            eval.mark(Phase::Evaluate);
-        }
+            LightSample::new(LightId(i as u32), scale)
+        };
+        eval.add(x, (0..self.samples.get()).map(draw));
     }
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::packed::{PackedGloss, PackedLight};
 use super::{LightSet, Stored, check_colour};
 use crate::light::{Gloss, LightId, VirtualLight, luminance};
+use crate::prefetch::prefetch;
 
 impl LightSet {
     /// Adds a virtual light, or nothing when its surface reflects nothing. Returns whether it was added. Its normal is kept to 7·10⁻⁵
@@ -179,6 +180,23 @@ impl LightSet {
         match light.gloss() {
             None => light.matte_radius(),
             Some(place) => self.glosses[place].radius,
+        }
+    }
+
+    /// Asks for the gloss of light `id`, if it has one. Reads the light itself, which should have [arrived](Self::prefetch).
+    #[inline]
+    pub fn prefetch_gloss(&self, id: LightId) {
+        if let Stored::Virtual(light) = self.stored(id) {
+            prefetch(light.gloss().and_then(|place| self.glosses.get(place)));
+        }
+    }
+
+    /// Whether light `id` is a virtual light that is not matte.
+    #[inline]
+    pub fn is_glossy(&self, id: LightId) -> bool {
+        match self.stored(id) {
+            Stored::Own(_) => false,
+            Stored::Virtual(light) => light.gloss().is_some(),
         }
     }
 

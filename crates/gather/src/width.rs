@@ -1,0 +1,40 @@
+//! The same code for vectors of several widths.
+
+/// Declares a function of what `$with` takes and gives, which calls that where it is compiled for AVX-512 or AVX2, if the
+/// processor has it: the same operations, and so the same bits. All that `$with` calls has to be inlined.
+macro_rules! by_width {
+    ($name:ident = $with:ident($($argument:ident: $type:ty),*) $(-> $output:ty)?) => {
+        fn $name($($argument: $type),*) $(-> $output)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+                fn avx512($($argument: $type),*) $(-> $output)? {
+                    $with($($argument),*)
+                }
+
+                #[target_feature(enable = "avx2")]
+                fn avx2($($argument: $type),*) $(-> $output)? {
+                    $with($($argument),*)
+                }
+
+                #[allow(
+                    unsafe_code,
+                    reason = "the only way to call code for a processor found at run time"
+                )]
+                if std::arch::is_x86_feature_detected!("avx512f")
+                    && std::arch::is_x86_feature_detected!("avx512vl")
+                    && std::arch::is_x86_feature_detected!("avx512dq")
+                    && std::arch::is_x86_feature_detected!("avx512bw")
+                {
+                    // SAFETY: the processor has what was just asked for.
+                    return unsafe { avx512($($argument),*) };
+                } else if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: as above.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            $with($($argument),*)
+        }
+    };
+}
+pub(crate) use by_width;
