@@ -193,7 +193,8 @@ impl<'a> ShadowQueue<'a> {
             scratch,
             counters: Counters::default(),
             rng,
-            until_timed: 0,
+            // The first point of a tile waits for what nobody has asked for yet, and stands for no others.
+            until_timed: TIMED / 2,
             mark: None,
         }
     }
@@ -462,5 +463,31 @@ impl LightEval for ShadowQueue<'_> {
 
     fn count_dead(&mut self) {
         self.counters.dead_samples += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sampling::Purpose;
+
+    use super::*;
+
+    #[test]
+    fn one_point_in_so_many_is_timed_and_not_the_first() {
+        let (scene, lights) = (Scene::default(), LightSet::default());
+        let tracer = Tracer::build(&scene);
+        let mut scratch = QueueScratch::default();
+        let shape = VirtualShape::Sphere;
+        let mut queue = ShadowQueue::new(&scene, &lights, &tracer, shape, 1, &mut scratch);
+        let mut timed = Vec::new();
+        for point in 0..10 * TIMED {
+            queue.begin_point(Rng::new(1, 0, 0, Purpose::LightSurface));
+            if queue.mark.is_some() {
+                timed.push(point);
+            }
+            queue.end_point();
+        }
+        assert_eq!(timed.len(), 10, "{timed:?}");
+        assert!(timed[0] > 0, "the first waits for its lights");
     }
 }
