@@ -341,7 +341,7 @@ impl<const N: usize> SeenLanes<N> {
         diagonal2: [0.0; N],
     };
 
-    /// [`Receiver::cos_bound_over`].
+    /// [`Receiver::cos_bound_over`], but for rounding.
     #[inline(always)]
     pub(crate) fn cos(&self, lane: usize) -> f32 {
         let top = self.top[lane];
@@ -403,21 +403,27 @@ impl<const N: usize> ReceiverLanes<N> {
                 // Both doubled: only directions matter.
                 (centre[axis], inward[axis]) = (lo - above, lo + above);
                 // How far it reaches at all is −2 times the lesser of both.
-                inner[axis] = inward[axis] + 2.0 * SLACK * lesser(lo, above);
+                inner[axis] = (2.0 * SLACK).mul_add(lesser(lo, above), inward[axis]);
             }
-            let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            let middle = |row: [f32; 3]| dot(row, centre);
-            let reach = |[x, y, z]: [f32; 3]| dot([x.abs(), y.abs(), z.abs()], inner);
+            let dot =
+                |a: [f32; 3], b: [f32; 3]| a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]));
+            // What a row of the frame makes of the half extents, which are negative here, and something else.
+            let reach = |[x, y, z]: [f32; 3], to: f32| {
+                let to = y.abs().mul_add(inner[1], x.abs().mul_add(inner[0], to));
+                z.abs().mul_add(inner[2], to)
+            };
             let (east, north) = (number(3), number(4));
-            let across = east * centre[0] + north * centre[1];
-            let across_reach = east.abs() * inner[0] + north.abs() * inner[1];
-            let x = greater(across.abs() + across_reach, 0.0);
+            let across = north.mul_add(centre[1], east * centre[0]).abs();
+            let across = north
+                .abs()
+                .mul_add(inner[1], east.abs().mul_add(inner[0], across));
+            let x = greater(across, 0.0);
             let other = [number(5), number(6), number(7)];
-            let y = greater(middle(other).abs() + reach(other), 0.0);
+            let y = greater(reach(other, dot(other, centre).abs()), 0.0);
             let normal = [number(8), number(9), number(10)];
-            let top = middle(normal) - reach(normal);
+            let top = -reach(normal, -dot(normal, centre));
             seen.top[k] = top;
-            seen.length2[k] = (x * x + y * y) + top * top;
+            seen.length2[k] = top.mul_add(top, y.mul_add(y, x * x));
             seen.least2[k] = dot(nearest, nearest);
             seen.diagonal2[k] = dot(inward, inward);
         }
@@ -483,6 +489,13 @@ mod tests {
         Ok(Vec3::new(coordinate(u)?, coordinate(u)?, coordinate(u)?))
     }
 
+    fn twice(node: &Node) -> BoxLanes<2> {
+        BoxLanes {
+            lo: node.lo.to_array().map(|lo| [lo; 2]),
+            hi: node.hi.to_array().map(|hi| [hi; 2]),
+        }
+    }
+
     #[test]
     fn boxes_side_by_side_are_seen_as_each_alone() {
         verify::property(5000, |u| {
@@ -510,14 +523,26 @@ mod tests {
             }
             let seen = lanes.see(&boxes);
             for (k, (node, x)) in nodes.iter().zip(receivers.iter().cycle()).enumerate() {
-                let alone = x.relative(node);
-                let side_by_side = [seen.cos(k), seen.least2[k], seen.diagonal2[k]];
-                let each = [x.cos_bound(node), alone.least2(), alone.diagonal2()];
+                let alone = ReceiverLanes::<1>::splat(x).see(&twice(node));
+                let of = |seen: &SeenLanes<8>| [seen.cos(k), seen.least2[k], seen.diagonal2[k]];
+                let each = [alone.cos(1), alone.least2[1], alone.diagonal2[1]];
                 assert_eq!(
-                    side_by_side.map(f32::to_bits),
+                    of(&seen).map(f32::to_bits),
                     each.map(f32::to_bits),
                     "{x:?} {node:?}"
                 );
+                // Fused multiplication rounds otherwise.
+                let alone = x.relative(node);
+                let distances = [seen.least2[k], seen.diagonal2[k]];
+                for (own, other) in distances
+                    .into_iter()
+                    .zip([alone.least2(), alone.diagonal2()])
+                {
+                    assert!(
+                        (own - other).abs() <= 1e-6 * other,
+                        "{own}, {other}: {x:?} {node:?}"
+                    );
+                }
             }
             Ok(())
         });
@@ -566,19 +591,22 @@ mod tests {
             let node = boxed(point(u)?, point(u)?);
             let x = point(u)?;
             let n = point(u)?.try_normalize().unwrap_or(Vec3::Z);
-            let bound = Receiver::new(x, n).cos_bound(&node);
-            assert!((0.0..=1.0 + 1e-5).contains(&bound), "bound {bound}");
-            for _ in 0..8 {
-                let p = inside(u, &node)?;
-                let truth = cos_plus(n, p - x);
-                assert!(
-                    f64::from(bound) >= truth - 2e-6,
-                    "bound {bound} truth {truth} at {p} from {x}, n {n}"
-                );
-                assert!(
-                    bound > 0.0 || n.dot(p - x) <= 0.0,
-                    "a lit point has bound 0: {p} from {x}, n {n}"
-                );
+            let receiver = Receiver::new(x, n);
+            let lanes = ReceiverLanes::<1>::splat(&receiver).see(&twice(&node));
+            let points: Vec<Vec3> = (0..8).map(|_| inside(u, &node)).collect::<Result<_>>()?;
+            for bound in [receiver.cos_bound(&node), lanes.cos(0)] {
+                assert!((0.0..=1.0 + 1e-5).contains(&bound), "bound {bound}");
+                for &p in &points {
+                    let truth = cos_plus(n, p - x);
+                    assert!(
+                        f64::from(bound) >= truth - 2e-6,
+                        "bound {bound} truth {truth} at {p} from {x}, n {n}"
+                    );
+                    assert!(
+                        bound > 0.0 || n.dot(p - x) <= 0.0,
+                        "a lit point has bound 0: {p} from {x}, n {n}"
+                    );
+                }
             }
             Ok(())
         });

@@ -125,13 +125,10 @@ struct Descending<'a> {
     weights: NodeWeights,
     receivers: &'a [&'a Receiver],
     starts: &'a [Start],
-    /// How many starts are in runs.
+    /// How many starts have been taken.
     begun: usize,
-    /// How many runs are under way.
-    runs: usize,
-    /// Most starts of a run: all of one receiver, which is put into a lane once for them, but as short as it takes for
-    /// all lanes to end about together.
-    longest_run: usize,
+    /// How many lanes have one.
+    busy: usize,
     drawn: &'a mut [Option<Selected>],
 }
 
@@ -155,25 +152,21 @@ struct Lanes<const LANES: usize, const NODES: usize> {
     link: [u32; LANES],
     /// Whether each is over: 0 or 1.
     over: [u8; LANES],
-    /// Positions among the starts, or [`NO_START`].
+    /// Positions among the starts, or [`BEFORE_FIRST`] or [`NO_START`].
     slot: [usize; LANES],
-    /// Where the run of starts that each goes through ends; 0 where there is none.
-    end: [usize; LANES],
-    /// How many have one.
-    runs: usize,
+    /// How many are not at the latter.
+    busy: usize,
 }
 
-/// The position of no start: the one after it is none either.
-const NO_START: usize = usize::MAX - 1;
+/// The position of a lane that has not had a start yet.
+const BEFORE_FIRST: usize = usize::MAX - 1;
+/// And of one that gets none any more.
+const NO_START: usize = usize::MAX;
 
 /// Groups of lanes that are renewed at once: of dozens of lanes some are always over, so that it cannot be guessed wrong.
 const RENEWED: usize = 8;
 /// Groups that take their steps by turns: when one goes on, what it asked of memory has arrived.
 const GROUPS: usize = 2 * RENEWED;
-/// Lanes of a group, where there are most.
-const WIDEST: usize = 8;
-/// Runs that a lane goes through at least, on average: then hardly any waits long for the last.
-const RUNS: usize = 8;
 
 impl<'a> Descending<'a> {
     fn new(
@@ -189,8 +182,7 @@ impl<'a> Descending<'a> {
             receivers,
             starts,
             begun: 0,
-            runs: 0,
-            longest_run: (starts.len() / (RUNS * GROUPS * WIDEST)).max(1),
+            busy: 0,
             drawn,
         }
     }
@@ -209,7 +201,7 @@ impl<'a> Descending<'a> {
 
     /// The same code and the same bits, eight nodes to an instruction.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,fma")]
     fn run_avx2(&mut self) {
         self.run_with::<4, 8>(|pairs| PairLanes::of_avx2(pairs));
     }
@@ -224,24 +216,25 @@ impl<'a> Descending<'a> {
         load: impl Fn([&Pair; LANES]) -> PairLanes<LANES, NODES>,
     ) {
         let mut groups = [Lanes::<LANES, NODES>::UNUSED; GROUPS];
+        self.busy = GROUPS * LANES;
         for turn in 0usize.. {
             // The parts of a step in different turns: what one of them waits for has long been there when the next begins.
             let before = |turns: usize| turn.wrapping_sub(turns) % GROUPS;
-            if groups[before(0)].runs > 0 {
+            if groups[before(0)].busy > 0 {
                 self.look(&mut groups[before(0)], &load);
             }
-            if groups[before(1)].runs > 0 {
+            if groups[before(1)].busy > 0 {
                 self.weigh(&mut groups[before(1)]);
             }
-            if groups[before(2)].runs > 0 {
+            if groups[before(2)].busy > 0 {
                 groups[before(2)].descend();
             }
-            if groups[before(3)].runs > 0 {
+            if groups[before(3)].busy > 0 {
                 self.prefetch(&groups[before(3)]);
             }
             if turn.is_multiple_of(RENEWED) {
                 self.renew(&mut groups, before(RENEWED + 2));
-                if self.runs == 0 {
+                if self.busy == 0 {
                     return;
                 }
             }
@@ -332,48 +325,29 @@ impl<'a> Descending<'a> {
     ) {
         lanes.pair[lane] = 0;
         loop {
-            lanes.slot[lane] += 1;
-            if lanes.slot[lane] >= lanes.end[lane] {
-                self.begin_run(lanes, lane);
-            }
-            let slot = lanes.slot[lane];
+            let slot = self.begun;
             let Some(start) = self.starts.get(slot) else {
+                if lanes.slot[lane] != NO_START {
+                    lanes.busy -= 1;
+                    self.busy -= 1;
+                }
+                (lanes.slot[lane], lanes.over[lane]) = (NO_START, 0);
                 return;
             };
+            self.begun += 1;
             let node = self.tree.node(start.node);
             if let Some(first) = node.first_child() {
+                lanes.slot[lane] = slot;
                 (lanes.u[lane], lanes.pmf[lane]) = (start.u, 1.0);
                 lanes.pair[lane] = first.0 >> 1;
                 prefetch_at(&self.tree.pairs, (first.0 >> 1) as usize);
+                lanes
+                    .receivers
+                    .set(lane, self.receivers[start.receiver as usize]);
                 return;
             }
             self.drawn[slot] = node.light().map(|light| Selected::new(light, 1.0));
         }
-    }
-
-    /// Gives a lane the next run of starts, as far as there is one.
-    #[inline(always)]
-    fn begin_run<const LANES: usize, const NODES: usize>(
-        &mut self,
-        lanes: &mut Lanes<LANES, NODES>,
-        lane: usize,
-    ) {
-        if lanes.end[lane] > 0 {
-            self.runs -= 1;
-            lanes.runs -= 1;
-        }
-        (lanes.slot[lane], lanes.end[lane], lanes.over[lane]) = (NO_START, 0, 0);
-        let rest = &self.starts[self.begun..];
-        let Some(first) = rest.first() else { return };
-        let run = rest.iter().take(self.longest_run);
-        let run = run.take_while(|start| start.receiver == first.receiver);
-        let count = run.count();
-        (lanes.slot[lane], lanes.end[lane]) = (self.begun, self.begun + count);
-        self.begun += count;
-        self.runs += 1;
-        lanes.runs += 1;
-        let receiver = self.receivers[first.receiver as usize];
-        lanes.receivers.set(lane, receiver);
     }
 
     /// Weighs, lane by lane, the pairs that are not weighed side by side.
@@ -383,10 +357,13 @@ impl<'a> Descending<'a> {
         lanes: &mut Lanes<LANES, NODES>,
         is_one: impl Fn(NodeId) -> bool,
     ) {
-        for k in (0..LANES).filter(|&k| lanes.end[k] > 0) {
+        for k in 0..LANES {
+            let Some(start) = self.starts.get(lanes.slot[k]) else {
+                continue;
+            };
             let first = NodeId(2 * lanes.pair[k]);
             if is_one(first) {
-                let receiver = self.receivers[self.starts[lanes.slot[k]].receiver as usize];
+                let receiver = self.receivers[start.receiver as usize];
                 let [a, b] = self.tree.weigh(self.weights, receiver, first);
                 (lanes.weights[0][k], lanes.weights[1][k]) = (a, b);
             }
@@ -432,9 +409,8 @@ impl<const LANES: usize, const NODES: usize> Lanes<LANES, NODES> {
         pair: [0; LANES],
         link: [0; LANES],
         over: [1; LANES],
-        slot: [NO_START; LANES],
-        end: [0; LANES],
-        runs: 0,
+        slot: [BEFORE_FIRST; LANES],
+        busy: LANES,
     };
 }
 

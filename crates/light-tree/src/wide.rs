@@ -12,17 +12,18 @@ use crate::light::LightId;
 use crate::packed::PackedBlock;
 use crate::region::Region;
 
-/// The first call where the processor has AVX2, for which it is compiled, else the last: the same code, and so the same bits.
-/// Of three, the first is for AVX-512.
+/// The first call where the processor has AVX2 and fused multiplication, for which it is compiled, else the last: the same code, and
+/// so the same bits. Of three, the first is for AVX-512.
 macro_rules! by_width {
     ($avx2:expr, $plain:expr) => {{
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+        {
             #[allow(
                 unsafe_code,
                 reason = "the only way to call code for a processor found at run time"
             )]
-            // SAFETY: the processor has AVX2, as was just asked.
+            // SAFETY: the processor has both, as was just asked.
             return unsafe { $avx2 };
         }
         $plain

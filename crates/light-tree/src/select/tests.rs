@@ -120,8 +120,6 @@ fn many_descents_at_once_draw_what_each_draws_alone() {
                 u: f64::from(u.arbitrary::<u32>()?) / 4_294_967_296.0,
             });
         }
-        starts.sort_by_key(|start| start.receiver);
-        let longest_run = u.int_in_range(1..=20)?;
         for weights in NodeWeights::ALL {
             let alone: Vec<_> = starts
                 .iter()
@@ -137,14 +135,15 @@ fn many_descents_at_once_draw_what_each_draws_alone() {
             // The same by narrower instructions.
             let run = |run: fn(Descending<'_>)| {
                 let mut drawn = vec![None; starts.len()];
-                let mut all = Descending::new(&tree, weights, &receivers, &starts, &mut drawn);
-                all.longest_run = longest_run;
+                let all = Descending::new(&tree, weights, &receivers, &starts, &mut drawn);
                 run(all);
                 drawn
             };
             assert_eq!(run(|mut all| all.run_plain()), alone, "{weights:?}, plain");
             #[cfg(target_arch = "x86_64")]
-            if std::arch::is_x86_feature_detected!("avx2") {
+            if std::arch::is_x86_feature_detected!("avx2")
+                && std::arch::is_x86_feature_detected!("fma")
+            {
                 #[allow(unsafe_code, reason = "the code for a processor that has AVX2")]
                 // SAFETY: this one has.
                 let drawn = run(|mut all| unsafe { all.run_avx2() });
