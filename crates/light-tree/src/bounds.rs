@@ -6,6 +6,7 @@ use crate::block::SeenLobe;
 use crate::cone::Cone;
 use crate::emission::Emission;
 use crate::lobe::Lobe;
+use crate::prefetch::prefetch;
 use crate::region::Region;
 use crate::tree::Node;
 
@@ -173,6 +174,12 @@ impl Receiver {
     #[inline]
     pub(crate) fn sees_above_horizon(&self, seen: &RelativeBox) -> bool {
         seen.top(self.normal) > 0.0
+    }
+
+    /// Asks for what a lane takes of it.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self) {
+        prefetch(Some(&self.numbers));
     }
 
     /// The normal.

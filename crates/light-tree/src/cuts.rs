@@ -5,7 +5,6 @@ use std::hint::select_unpredictable;
 use crate::bounds::{Receiver, ReceiverLanes, SeenLanes};
 use crate::cut::Cut;
 use crate::pair_lanes::PairLanes;
-use crate::prefetch::prefetch;
 use crate::tree::{LEAF, LightTree, NodeId, Pair};
 use crate::weight::NodeWeights;
 use crate::wide::by_width;
@@ -114,26 +113,30 @@ impl Cuts {
         let mut groups = vec![Group::<LANES, NODES>::default(); GROUPS];
         let mut kept = 0;
         for (begun, some) in receivers.chunks(GROUPS * LANES).enumerate() {
-            for (group, own) in groups.iter_mut().zip(some.chunks(LANES)) {
-                group.begin(own);
+            let of_group = |i: usize| &some[(i * LANES).min(some.len())..];
+            for (i, group) in groups.iter_mut().enumerate() {
+                group.begin(asked, of_group(i));
             }
             for next in receivers
                 .iter()
                 .skip((begun + 1) * GROUPS * LANES)
                 .take(GROUPS * LANES)
             {
-                prefetch(Some(*next));
+                next.prefetch();
             }
-            let in_use = some.len().div_ceil(LANES);
-            groups[in_use - 1].look(asked.tree, &load);
+            // As if the last two had had their turns.
+            groups[GROUPS - 2].look(asked.tree, &load);
+            groups[GROUPS - 2].bound(asked, of_group(GROUPS - 2));
+            groups[GROUPS - 1].look(asked.tree, &load);
             let mut is_done = false;
             while !is_done {
                 is_done = true;
-                for i in 0..in_use {
+                for i in 0..GROUPS {
+                    let before = |turns: usize| (i + GROUPS - turns) % GROUPS;
                     groups[i].look(asked.tree, &load);
-                    let before = (i + in_use - 1) % in_use;
-                    groups[before].split(asked, &some[before * LANES..]);
-                    is_done &= groups[before].goes_on == [false; LANES];
+                    groups[before(1)].bound(asked, of_group(before(1)));
+                    groups[before(2)].split(asked.size);
+                    is_done &= groups[before(2)].goes_on == [0; LANES];
                 }
             }
             for (i, _) in some.iter().enumerate() {
@@ -144,8 +147,8 @@ impl Cuts {
     }
 }
 
-/// Groups of cuts that take their steps by turns, the first half of one with the second half of another: each is one long chain
-/// of operations, of which the processor follows several at once.
+/// Groups of cuts that take their steps by turns, a third of one with thirds of others: each is one long chain of operations, of
+/// which the processor follows several at once.
 const GROUPS: usize = 4;
 
 /// Cuts that are refined together. `NODES` is twice `LANES`.
@@ -156,29 +159,41 @@ struct Group<const LANES: usize, const NODES: usize> {
     seen: SeenLanes<NODES>,
     intensity: [f32; NODES],
     links: [u32; NODES],
-    /// What has been in the cuts so far.
+    bounds: [f32; NODES],
+    /// What has been in the cuts so far, behind what is in none, and behind that what earlier ones have left.
     entries: Vec<Entries<LANES>>,
+    /// How many of these are in use.
+    filled: usize,
     /// Clusters of each cut.
     counts: [u32; LANES],
-    /// The place among pairs of the children of what is split next. The root's is its own: it has no sibling.
+    /// The place among pairs of the children of what is split next; the root's own, which has no sibling, where nothing is.
     pair: [u32; LANES],
-    /// Whether anything is.
-    goes_on: [bool; LANES],
+    /// Whether anything is: 0 or 1.
+    goes_on: [u32; LANES],
 }
 
-/// One cluster of each of several cuts.
+/// One cluster of each of several cuts. What is written together lies in one line.
 #[derive(Debug, Clone, Copy)]
-#[repr(align(32))]
+#[repr(C, align(64))]
 struct Entries<const LANES: usize> {
-    /// As in a [`Cut`], but for a leaf [`LEAF_BOUND`], and 0 for what is not in the cut, or not any more.
-    bound: [f32; LANES],
     node: [u32; LANES],
     /// The place of its children among pairs.
     pair: [u32; LANES],
+    /// As in a [`Cut`], but for a leaf [`LEAF_BOUND`], and 0 for what is not in the cut, or not any more.
+    bound: [f32; LANES],
 }
 
-/// The place of an entry that is in no cut.
-const BESIDE_ROOT: u32 = 1;
+impl<const LANES: usize> Entries<LANES> {
+    /// In no cut, with the root's place for that of its children.
+    const NONE: Self = Self {
+        bound: [0.0; LANES],
+        node: [0; LANES],
+        pair: [0; LANES],
+    };
+}
+
+/// The place of [`Entries::NONE`].
+const NOWHERE: u32 = 0;
 /// Less than any bound: a leaf cannot be split.
 const LEAF_BOUND: f32 = -1.0;
 
@@ -189,38 +204,47 @@ impl<const LANES: usize, const NODES: usize> Default for Group<LANES, NODES> {
             seen: SeenLanes::NOTHING,
             intensity: [0.0; NODES],
             links: [0; NODES],
+            bounds: [0.0; NODES],
             entries: Vec::new(),
+            filled: 0,
             counts: [0; LANES],
             pair: [0; LANES],
-            goes_on: [false; LANES],
+            goes_on: [0; LANES],
         }
     }
 }
 
 impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
-    /// Begins the cuts of up to `LANES` receivers.
+    /// Begins the cuts of the first `LANES` receivers, or as many as there are.
     #[inline(always)]
-    fn begin(&mut self, receivers: &[&Receiver]) {
-        for (lane, receiver) in receivers.iter().enumerate() {
+    fn begin(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
+        // Where there may be two clusters the root is always split: a cut that it is too dark for holds none of its children either.
+        let root = asked.tree.node(asked.tree.root());
+        let first = root.first_child().filter(|_| asked.size > 1);
+        self.goes_on = [0; LANES];
+        for (lane, receiver) in receivers.iter().take(LANES).enumerate() {
             self.receivers.set(lane, receiver);
+            self.goes_on[lane] = 1;
         }
-        self.entries.clear();
+        if self.entries.is_empty() {
+            self.entries.push(Entries::NONE);
+        }
+        self.filled = 1;
         self.counts = [0; LANES];
-        self.pair = [0; LANES];
-        self.goes_on = [false; LANES];
-        self.goes_on[..receivers.len()].fill(true);
+        self.pair = [first.map_or(0, |first| first.0 >> 1); LANES];
     }
 
     /// Puts the clusters of a cut behind `kept` others; returns how many are kept then.
     fn copy_nodes(&self, lane: usize, nodes: &mut Vec<NodeId>, mut kept: usize) -> usize {
-        let most = kept + self.entries.len();
+        let most = kept + self.filled;
         if nodes.len() < most {
             nodes.resize(2 * most, NodeId(0));
         }
-        for entries in &self.entries {
-            // Without a branch: which are split cannot be foreseen.
+        let nodes = &mut nodes[..most];
+        for entries in &self.entries[..self.filled] {
+            // Without a branch: which are split cannot be foreseen. No bound is −0.
             nodes[kept] = NodeId(entries.node[lane]);
-            kept += usize::from(entries.bound[lane] != 0.0);
+            kept += usize::from(entries.bound[lane].to_bits() != 0);
         }
         kept
     }
@@ -245,20 +269,24 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         (self.intensity, self.links) = (children.intensity, children.links);
     }
 
+    /// Bounds what they bring.
+    #[inline(always)]
+    fn bound(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
+        let Asked { tree, weights, .. } = asked;
+        self.bounds = tree.contribution_bounds(&self.seen, &self.intensity, &self.pair);
+        if !tree.directional.is_empty() {
+            self.bound_parallel(tree, weights, receivers);
+        }
+    }
+
     /// Bounds, lane by lane, the children among which there are lights without falloff.
     #[inline(never)]
-    fn bound_parallel(
-        &self,
-        tree: &LightTree,
-        weights: NodeWeights,
-        receivers: &[&Receiver],
-        bounds: &mut [f32; NODES],
-    ) {
+    fn bound_parallel(&mut self, tree: &LightTree, weights: NodeWeights, receivers: &[&Receiver]) {
         for (lane, receiver) in receivers.iter().enumerate().take(LANES) {
             for c in 0..2 {
                 let node = NodeId(2 * self.pair[lane] + c);
                 if tree.directional_intensity(node) > 0.0 {
-                    bounds[c as usize * LANES + lane] =
+                    self.bounds[c as usize * LANES + lane] =
                         tree.contribution_bound(weights, receiver, node);
                 }
             }
@@ -271,19 +299,15 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
         reason = "an iterator's adaptor would not be compiled for the wider instructions"
     )]
     #[inline(always)]
-    fn split(&mut self, asked: Asked<'_>, receivers: &[&Receiver]) {
-        let Asked {
-            tree,
-            weights,
-            size,
-        } = asked;
-        let mut bounds = tree.contribution_bounds(&self.seen, &self.intensity, &self.pair);
-        if !tree.directional.is_empty() {
-            self.bound_parallel(tree, weights, receivers, &mut bounds);
+    fn split(&mut self, size: u32) {
+        if self.entries.len() < self.filled + 2 {
+            // Once for all, as a call empties the registers.
+            self.entries.resize(2 * self.filled + 32, Entries::NONE);
         }
+        let (filled, added) = self.entries.split_at_mut(self.filled);
         let mut worst = [0.0; LANES];
-        let mut place = [BESIDE_ROOT; LANES];
-        for (i, entries) in self.entries.iter().enumerate() {
+        let mut place = [NOWHERE; LANES];
+        for (i, entries) in filled.iter().enumerate() {
             for k in 0..LANES {
                 let is_worse = entries.bound[k] > worst[k];
                 worst[k] = select_unpredictable(is_worse, entries.bound[k], worst[k]);
@@ -291,15 +315,11 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
             }
         }
         for c in 0..2 {
-            let i = self.entries.len() as u32;
-            let mut entries = Entries {
-                bound: [0.0; LANES],
-                node: [0; LANES],
-                pair: [0; LANES],
-            };
+            let i = (self.filled + c) as u32;
+            let mut entries = Entries::NONE;
             for k in 0..LANES {
-                let (bound, link) = (bounds[c * LANES + k], self.links[c * LANES + k]);
-                let is_lit = self.goes_on[k] & (bound > 0.0);
+                let (bound, link) = (self.bounds[c * LANES + k], self.links[c * LANES + k]);
+                let is_lit = (self.goes_on[k] != 0) & (bound > 0.0);
                 let bound = select_unpredictable(link & LEAF != 0, LEAF_BOUND, bound);
                 let bound = select_unpredictable(is_lit, bound, 0.0);
                 self.counts[k] += u32::from(is_lit);
@@ -310,24 +330,21 @@ impl<const LANES: usize, const NODES: usize> Group<LANES, NODES> {
                 worst[k] = select_unpredictable(is_worse, bound, worst[k]);
                 place[k] = select_unpredictable(is_worse, i, place[k]);
             }
-            self.entries.push(entries);
+            added[c] = entries;
         }
-        let mut left = worst;
+        self.filled += 2;
         for k in 0..LANES {
-            let goes_on = self.goes_on[k] & (worst[k] > 0.0) & (self.counts[k] < size);
-            self.goes_on[k] = goes_on;
+            let goes_on = (self.goes_on[k] != 0) & (worst[k] > 0.0) & (self.counts[k] < size);
+            self.goes_on[k] = u32::from(goes_on);
             self.counts[k] -= u32::from(goes_on);
-            left[k] = select_unpredictable(goes_on, 0.0, worst[k]);
+            place[k] = select_unpredictable(goes_on, place[k], NOWHERE);
         }
         // The only numbers that lie apart.
-        let mut next = [0; LANES];
-        for (k, place) in place.into_iter().enumerate() {
-            let entries = &mut self.entries[place as usize];
-            entries.bound[k] = left[k];
-            next[k] = entries.pair[k];
-        }
+        let entries = &mut self.entries[..];
         for k in 0..LANES {
-            self.pair[k] = select_unpredictable(self.goes_on[k], next[k], 0);
+            let split = &mut entries[place[k] as usize];
+            split.bound[k] = 0.0;
+            self.pair[k] = split.pair[k];
         }
     }
 }

@@ -198,11 +198,11 @@ impl StochasticLightcuts<'_> {
                     }
                 };
                 ahead.push(x, nodes.len());
-                let numbers = stream(x).numbers();
-                starts.extend(nodes.iter().zip(numbers).map(|(&node, u)| Start {
+                let mut numbers = stream(x).numbers();
+                starts.extend(nodes.iter().map(|&node| Start {
                     receiver: i as u32,
                     node,
-                    u,
+                    u: numbers.next().expect("they are endless"),
                 }));
             }
             eval.mark(Phase::Cut);
