@@ -6,7 +6,7 @@
 use light_tree::{
     Cut, Cuts, DeadBranch, LightSet, LightTree, NodeWeights, Receiver, Selected, Start,
 };
-use sampling::{Purpose, Rng};
+use sampling::{Numbers, Purpose, Rng};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
@@ -188,7 +188,9 @@ impl StochasticLightcuts<'_> {
                 cuts.refine(tree, weights, &receivers, size);
             }
             starts.clear();
-            for (i, x) in points.iter().enumerate() {
+            // By themselves: each is a long chain of operations, of which the processor follows several at once.
+            let numbers: Vec<Numbers> = points.iter().map(|x| stream(x).numbers()).collect();
+            for (i, (x, mut numbers)) in points.iter().zip(numbers).enumerate() {
                 let nodes = match (is_shared, shared.next()) {
                     (false, _) => cuts.of(i),
                     (true, Some(nodes)) => nodes,
@@ -198,7 +200,6 @@ impl StochasticLightcuts<'_> {
                     }
                 };
                 ahead.push(x, nodes.len());
-                let mut numbers = stream(x).numbers();
                 starts.extend(nodes.iter().map(|&node| Start {
                     receiver: i as u32,
                     node,
