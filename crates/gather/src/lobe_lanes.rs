@@ -83,16 +83,16 @@ struct Drawn {
 }
 
 /// A lobe toward one direction.
-struct Lobe {
+pub(crate) struct Lobe {
     /// Over the specular reflectance, sr⁻¹.
-    value: f32,
+    pub(crate) value: f32,
     pdf: f32,
 }
 
 impl Lobe {
     /// Of `n` and squared roughness `alpha2` for light between unit `wo` and `wi`.
     #[inline(always)]
-    fn of(n: Vec3, alpha2: f32, wo: Vec3, wi: Vec3) -> Self {
+    pub(crate) fn of(n: Vec3, alpha2: f32, wo: Vec3, wi: Vec3) -> Self {
         let (cos_o, cos_i) = (n.dot(wo), n.dot(wi));
         let h = (wo + wi).normalize_or(n);
         let sin2 = n.cross(h).length_squared().min(1.0);

@@ -14,7 +14,7 @@ use scene::{Fresnel, Scene};
 
 use crate::contribution::{Unoccluded, VirtualShape, unoccluded};
 use crate::learned::Trial;
-use crate::lobe_lanes::{FEW, LobeLanes};
+use crate::lobe_lanes::{FEW, Lobe, LobeLanes};
 use crate::point::GatherPoint;
 use crate::vsl::Subtended;
 use crate::width::by_width;
@@ -73,7 +73,8 @@ pub(crate) struct Seen {
     pub(crate) greatest_pdf: f32,
     strength: Vec3,
     light_bounces: u32,
-    /// Whether virtual lights are evaluated side by side here.
+    /// Whether points are evaluated side by side here, and virtual lights.
+    takes_points: bool,
     takes_virtual: bool,
 }
 
@@ -81,6 +82,7 @@ impl Seen {
     #[inline]
     pub(crate) fn of(x: &GatherPoint, shape: VirtualShape) -> Self {
         let is_glossy = x.brdf.is_glossy();
+        let is_constant = x.brdf.fresnel == Fresnel::Constant;
         Self {
             position: x.position,
             ng: x.ng,
@@ -96,7 +98,8 @@ impl Seen {
             },
             strength: x.strength,
             light_bounces: x.light_bounces,
-            takes_virtual: shape == VirtualShape::Sphere && x.brdf.fresnel == Fresnel::Constant,
+            takes_points: is_constant,
+            takes_virtual: is_constant && shape == VirtualShape::Sphere,
         }
     }
 }
@@ -258,7 +261,7 @@ impl SideBySide {
                     self.ways.spheres |= bit;
                     self.ways.glossy |= u32::from(lights.is_glossy(id)) << k;
                 }
-                LightKind::Omni if !x.is_glossy => self.ways.points |= bit,
+                LightKind::Omni if x.takes_points => self.ways.points |= bit,
                 _ => {
                     self.ways.alone |= bit;
                     continue;
@@ -438,6 +441,21 @@ fn bring_with(
     given: &Given,
     placed: &Placed,
     x: &Seen,
+    ways: [u32; 2],
+    brought: &mut Brought,
+) -> Outcome {
+    match x.is_glossy && ways[0] != 0 {
+        true => bring_for::<true>(given, placed, x, ways, brought),
+        false => bring_for::<false>(given, placed, x, ways, brought),
+    }
+}
+
+/// [`bring_with`], where points may meet a lobe, or not.
+#[inline(always)]
+fn bring_for<const LOBE: bool>(
+    given: &Given,
+    placed: &Placed,
+    x: &Seen,
     [points, estimated]: [u32; 2],
     brought: &mut Brought,
 ) -> Outcome {
@@ -457,7 +475,11 @@ fn bring_with(
             exact
         };
         let of_sphere = intensity * reflected;
-        let of_point = x.constant * intensity * placed.share[k];
+        let mut brdf = x.constant;
+        if LOBE {
+            brdf += x.specular * Lobe::of(x.ns, x.alpha2, x.wo, vector(&placed.axis, k)).value;
+        }
+        let of_point = brdf * intensity * placed.share[k];
         let radiance = if points >> k & 1 != 0 {
             of_point
         } else {
