@@ -100,10 +100,10 @@ impl PackedBlock {
         let steps = |x: f32| (f64::from(x) - corner) * per_unit;
         let (mut from, mut to) = (steps(lo) as u16, steps(hi) as u16);
         // Rounded towards the corner, and unpacking rounds as well.
-        while from > 0 && self.unpack(axis, from) > lo {
+        while from > 0 && self.coordinate(axis, from) > lo {
             from -= 1;
         }
-        while to < u16::MAX && self.unpack(axis, to) < hi {
+        while to < u16::MAX && self.coordinate(axis, to) < hi {
             to += 1;
         }
         (from, to)
@@ -115,7 +115,7 @@ impl PackedBlock {
     }
 
     #[inline(always)]
-    fn unpack(&self, axis: usize, steps: u16) -> f32 {
+    fn coordinate(&self, axis: usize, steps: u16) -> f32 {
         self.corner[axis] + f32::from(steps) * self.step(axis)
     }
 
@@ -131,6 +131,18 @@ impl PackedBlock {
     /// Number of clusters.
     pub(crate) fn len(&self) -> usize {
         self.clusters.iter().filter(|c| !c.is_unused()).count()
+    }
+
+    /// All of it, for who is not compiled for wider instructions.
+    pub(crate) fn unpack(&self) -> Block {
+        by_width!(self.block_avx2(), self.block())
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn block_avx2(&self) -> Block {
+        self.block()
     }
 
     /// All of it.

@@ -125,7 +125,7 @@ impl SharedCut {
                 }
             }
             if let Some(last) = blocks.last_mut() {
-                last.take(to, &tree.blocks[block].block(), from);
+                last.take(to, &tree.blocks[block].unpack(), from);
             }
             if let Some(last) = parallel.last_mut() {
                 last[to] = tree.parallel[block][from];
@@ -234,12 +234,7 @@ impl SharedCut {
 impl Growth {
     /// Adds the clusters of a block; returns how many.
     fn open(&mut self, tree: &WideTree, receivers: &[Receiver], block: usize) -> u32 {
-        let mut bounds = [0.0f32; WIDTH];
-        for (receiver, seen) in receivers.iter().zip(&self.seen) {
-            for (sum, bound) in bounds.iter_mut().zip(tree.bounds(block, receiver, seen)) {
-                *sum += bound;
-            }
-        }
+        let bounds = tree.bounds(block, receivers, &self.seen);
         let clusters = &tree.blocks[block].clusters;
         let count = tree.blocks[block].len();
         for (lane, bound) in bounds.into_iter().enumerate().take(count) {

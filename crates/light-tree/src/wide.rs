@@ -217,11 +217,33 @@ impl WideTree {
         lights
     }
 
-    /// What each of a block's clusters could bring, were all its lights at the nearest point of its box.
-    pub(crate) fn bounds(&self, block: usize, receiver: &Receiver, seen: &Seen) -> Lanes {
-        let (packed, parallel) = (&self.blocks[block], self.parallel.get(block));
-        self.weigh_whole::<true, false>(&packed.block(), parallel, receiver, seen)
-            .weights
+    /// What each of a block's clusters could bring to all of the receivers together, were all its lights at the nearest point of
+    /// its box. `seen` are the receivers [in the tree's units](Self::seen).
+    pub(crate) fn bounds(&self, block: usize, receivers: &[Receiver], seen: &[Seen]) -> Lanes {
+        by_width!(
+            self.bounds_avx2(block, receivers, seen),
+            self.bounds_with(block, receivers, seen)
+        )
+    }
+
+    /// The same code and the same bits, eight lanes to an instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn bounds_avx2(&self, block: usize, receivers: &[Receiver], seen: &[Seen]) -> Lanes {
+        self.bounds_with(block, receivers, seen)
+    }
+
+    #[inline(always)]
+    fn bounds_with(&self, block: usize, receivers: &[Receiver], seen: &[Seen]) -> Lanes {
+        let (unpacked, parallel) = (self.blocks[block].block(), self.parallel.get(block));
+        let mut bounds = [0.0; WIDTH];
+        for (receiver, seen) in receivers.iter().zip(seen) {
+            let weighed = self.weigh_whole::<true, false>(&unpacked, parallel, receiver, seen);
+            for (sum, bound) in bounds.iter_mut().zip(weighed.weights) {
+                *sum += bound;
+            }
+        }
+        bounds
     }
 
     /// Weights of the clusters of a block.
