@@ -1,5 +1,6 @@
 //! The tile loop.
 
+mod eyes;
 mod saved;
 
 use std::sync::Mutex;
@@ -7,24 +8,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use film::{Picture, PixelStats};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
-use sampling::{Purpose, Rng, Sequence};
-use scene::trace::{Ray, Tracer};
+use sampling::{Purpose, Rng};
+use scene::trace::Tracer;
 use scene::{Camera, Scene};
 
 use crate::Inputs;
-use crate::compensation::Compensation;
 use crate::contribution::VirtualShape;
 use crate::counters::{Counters, Phase};
 use crate::learned::Learned;
 use crate::method::{Method, MethodSpec, Visitor};
-use crate::path::{Integrator, Walk, seen};
+use crate::path::Integrator;
 use crate::point::GatherPoint;
 use crate::shadow_queue::{LightEval, QueueScratch, Seen, ShadowQueue};
-use crate::tile_points::{
-    Centre, TILE, TilePoints, block, block_edges, is_milestone, next_milestone,
-};
+use crate::tile_points::{Centre, TILE, TilePoints, is_milestone, next_milestone};
+
+use eyes::Eyes;
 
 /// What is rendered and how, apart from scene and lights.
 #[derive(Debug, Clone)]
@@ -359,24 +359,13 @@ const FARTHEST: f32 = 0.25;
 #[derive(Default)]
 struct Scratch<S> {
     queue: QueueScratch,
+    eyes: Eyes,
     points: Vec<GatherPoint>,
     centres: Vec<Option<Centre>>,
     /// What is seen without a surface that reflects it, by pixel sample.
     seen: Vec<Seen>,
     features: Vec<Features>,
     method: S,
-}
-
-/// Where an eye path starts.
-#[derive(Clone, Copy)]
-struct EyePath {
-    /// Number of the pixel in the tile.
-    pixel: usize,
-    /// Place in the pixel, each coordinate in [0, 1); a random one where none is given.
-    place: Option<[f32; 2]>,
-    sample: u32,
-    sequence: Sequence,
-    slot: u32,
 }
 
 impl<F: Fn(f64) + Sync> Visitor for PassOf<'_, F> {
@@ -415,26 +404,10 @@ impl<F> PassOf<'_, F> {
         scratch.points.clear();
         scratch.seen.clear();
         scratch.features.clone_from(&tile.features);
-        let mut bounce_rays = 0;
-        for i in 0..tile.pixels.len() {
-            let pixel = self.pixel_index(tile, i);
-            let sequence = Sequence(Rng::new(self.spec.seed, pixel, 0, Purpose::Sequence).u32());
-            for sample in tile.done..self.until {
-                let start = EyePath {
-                    pixel: i,
-                    place: M::STRATIFIED
-                        .then(|| [0, 1].map(|dimension| sequence.f32(sample, dimension))),
-                    sample,
-                    sequence,
-                    slot: (i * samples) as u32 + sample - tile.done,
-                };
-                bounce_rays += self.eye_path(tile, start, scratch);
-            }
-        }
+        let bounce_rays = self.eye_paths(tile, M::STRATIFIED, scratch);
         scratch.centres.clear();
         if M::CENTRES {
-            let centres = (0..tile.pixels.len()).map(|i| self.centre(tile, i));
-            scratch.centres.extend(centres);
+            self.centres(tile, scratch);
         }
         let eye = started.elapsed();
 
@@ -525,113 +498,6 @@ impl<F> PassOf<'_, F> {
             tile.y + i as u32 / tile.width,
         );
         u64::from(y) * u64::from(self.spec.width) + u64::from(x)
-    }
-
-    /// What is seen at the centre of the tile's `i`-th pixel.
-    fn centre(&self, tile: &Tile, i: usize) -> Option<Centre> {
-        let (column, row) = (i as u32 % tile.width, i as u32 / tile.width);
-        let origin = self.camera.origin();
-        let toward = |column: f32, row: f32| {
-            let (x, y) = (tile.x as f32 + column, tile.y as f32 + row);
-            self.camera.direction(x, y)
-        };
-        let direction = toward(column as f32 + 0.5, row as f32 + 0.5);
-        let hit = self.tracer.closest(&Ray {
-            origin,
-            direction,
-            t_max: f32::INFINITY,
-        })?;
-        let surface = self.scene.surface(&hit, direction);
-        let point = GatherPoint {
-            block: block(column, row),
-            ..GatherPoint::new(&surface, -direction, Vec3::ONE, 0)
-        };
-        // Where the corners of the block lie on the plane; what is seen at a grazing angle ends before.
-        let most = FARTHEST * hit.t;
-        let height = (origin - point.position).dot(point.ng);
-        let mut reach = 0.0f32;
-        for x in block_edges(column) {
-            for y in block_edges(row) {
-                let direction = toward(x as f32, y as f32);
-                let down = -direction.dot(point.ng);
-                let corner = origin + direction * (height / down);
-                let away = corner.distance(point.position);
-                reach = reach.max(if down > 0.0 { away } else { most });
-            }
-        }
-        Some(Centre {
-            point,
-            reach: reach.min(most),
-            is_pilot: column % 4 == 2 && row % 4 == 2,
-        })
-    }
-
-    /// Follows the eye path of a pixel sample, and leaves its gather points and what it sees of lights. Returns the
-    /// number of rays behind the first.
-    fn eye_path<S>(&self, tile: &Tile, start: EyePath, scratch: &mut Scratch<S>) -> u64 {
-        let i = start.pixel;
-        let (x, y) = (
-            tile.x + i as u32 % tile.width,
-            tile.y + i as u32 / tile.width,
-        );
-        let pixel = self.pixel_index(tile, i);
-        let mut rng = Rng::new(self.spec.seed, pixel, u64::from(start.sample), Purpose::Eye);
-        let [dx, dy] = start.place.unwrap_or_else(|| [rng.f32(), rng.f32()]);
-        let direction = self.camera.direction(x as f32 + dx, y as f32 + dy);
-        let ray = Ray {
-            origin: self.camera.origin(),
-            direction,
-            t_max: f32::INFINITY,
-        };
-        let hit = self.tracer.closest(&ray);
-        if self.scene.has_visible_lights() {
-            let radiance = seen(self.scene, direction, hit.as_ref());
-            if radiance != Vec3::ZERO {
-                scratch.seen.push(Seen {
-                    slot: start.slot,
-                    radiance,
-                    is_direct: true,
-                });
-            }
-        }
-        let Some(hit) = hit else {
-            return 0;
-        };
-        let surface = self.scene.surface(&hit, direction);
-        let features = &mut scratch.features[i];
-        features.albedo += surface.brdf.albedo(surface.ns.dot(-direction)).as_dvec3();
-        features.normal += surface.ns.as_dvec3();
-        features.depth += f64::from(hit.t);
-        features.hits += 1;
-        let first = GatherPoint {
-            block: block(i as u32 % tile.width, i as u32 / tile.width),
-            sample: start.sample,
-            sequence: start.sequence,
-            ..GatherPoint::new(&surface, -direction, Vec3::ONE, start.slot)
-        };
-        match self.spec.integrator {
-            Integrator::Direct => {
-                scratch.points.push(first);
-                0
-            }
-            Integrator::Path { max_bounces } => {
-                let walk = Walk {
-                    scene: self.scene,
-                    tracer: self.tracer,
-                    max_bounces,
-                };
-                walk.follow(first, &mut rng, &mut scratch.points, &mut scratch.seen)
-            }
-            Integrator::Compensated { max_bounces } => {
-                let compensation = Compensation {
-                    scene: self.scene,
-                    tracer: self.tracer,
-                    clamp: self.spec.shape.clamp(),
-                    max_bounces,
-                };
-                compensation.follow(first, &mut rng, &mut scratch.points)
-            }
-        }
     }
 }
 

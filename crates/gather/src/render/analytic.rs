@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 
 use film::FilmError;
+use glam::Vec3;
 use light_tree::{LightSet, TreeBuilder};
 use scene::{CameraSpec, Emitter, Environment, Material, MaterialId, Mesh};
 use verify::z_test;

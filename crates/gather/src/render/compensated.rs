@@ -1,5 +1,6 @@
 //! Clamped virtual points with and without compensation, against paths.
 
+use glam::Vec3;
 use light_tree::TreeBuilder;
 use scene::{Emitter, Material};
 use verify::{Running, z_test};

@@ -1,6 +1,7 @@
 //! Determinism, shards, skipped work, and a light over a plane.
 
 use film::FilmError;
+use glam::Vec3;
 use light_tree::TreeBuilder;
 
 use super::*;
