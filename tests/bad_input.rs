@@ -328,7 +328,7 @@ fn what_does_not_fit_into_memory_is_refused_with_an_estimate() {
     for (flags, size) in [
         ("--size 65536x65536", "1.4 TB"),
         ("--set image.width=65000 --set image.height=65000", "1.3 TB"),
-        ("--set lights.count=1000000000", "300.0 GB"),
+        ("--set lights.count=1000000000", "320.0 GB"),
     ] {
         let ran = folder.run(&format!("render room.ron {flags}"));
         let parts = [
@@ -355,7 +355,7 @@ fn what_is_over_the_given_memory_is_refused_with_an_estimate() {
         assert_eq!(ran.code, 2, "{said}");
         for part in [
             "room.ron: ",
-            "300.2 MB",
+            "320.2 MB",
             "left of the 60.0 MB of --max-memory",
             "in use",
         ] {
