@@ -512,6 +512,7 @@ mod tests {
     use verify::arbitrary::{Result, Unstructured};
 
     use super::*;
+    use crate::width::{WIDEST, Width};
 
     /// Ties, wild magnitudes and plain numbers.
     fn coordinate(u: &mut Unstructured<'_>) -> Result<f32> {
@@ -678,6 +679,7 @@ mod tests {
                 }
             }
 
+            WIDEST.set(*u.choose(&[Width::Any, Width::Avx2, Width::Avx512])?);
             let (mut their_rng, mut together, mut they_refused) = (stream(), Vec::new(), 0);
             let mut side_by_side = SideBySide::default();
             let seen = Seen::of(&x, shape);

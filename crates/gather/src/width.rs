@@ -21,14 +21,17 @@ macro_rules! by_width {
                     unsafe_code,
                     reason = "the only way to call code for a processor found at run time"
                 )]
-                if std::arch::is_x86_feature_detected!("avx512f")
+                if $crate::width::is_allowed($crate::width::Width::Avx512)
+                    && std::arch::is_x86_feature_detected!("avx512f")
                     && std::arch::is_x86_feature_detected!("avx512vl")
                     && std::arch::is_x86_feature_detected!("avx512dq")
                     && std::arch::is_x86_feature_detected!("avx512bw")
                 {
                     // SAFETY: the processor has what was just asked for.
                     return unsafe { avx512($($argument),*) };
-                } else if std::arch::is_x86_feature_detected!("avx2") {
+                } else if $crate::width::is_allowed($crate::width::Width::Avx2)
+                    && std::arch::is_x86_feature_detected!("avx2")
+                {
                     // SAFETY: as above.
                     return unsafe { avx2($($argument),*) };
                 }
@@ -38,3 +41,34 @@ macro_rules! by_width {
     };
 }
 pub(crate) use by_width;
+
+/// Instructions that code is compiled for, the narrowest first.
+#[cfg_attr(
+    not(test),
+    allow(dead_code, reason = "only tests are content with the narrowest")
+)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Width {
+    Any,
+    Avx2,
+    Avx512,
+}
+
+/// Whether instructions of that width may be used where the processor has them. Always, but in tests of the narrower ones.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(crate) fn is_allowed(width: Width) -> bool {
+    #[cfg(test)]
+    return width <= WIDEST.get();
+    #[cfg(not(test))]
+    {
+        let _ = width;
+        true
+    }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// What a test's own thread goes up to.
+    pub(crate) static WIDEST: std::cell::Cell<Width> = const { std::cell::Cell::new(Width::Avx512) };
+}
