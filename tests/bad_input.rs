@@ -60,6 +60,8 @@ const RUN_FILES: &[Change] = &[
     ("cut: 4", "stopping: RunningTotal(error: 2.0)", 5, &["method.stopping.error", "found 2; expected 0..=1"]),
     ("cut: 4", "stopping: RunningTotal(), dead_branches: Retry", 5, &["RunningTotal", "Retry", "expected one of them"]),
     ("cut: 4", "stopping: RunningTotal(), share: 4", 5, &["RunningTotal", "share", "expected one of them"]),
+    ("cut: 4", "stopping: RunningTotal(), roulette: 0.3", 5, &["RunningTotal", "roulette", "expected one of them"]),
+    ("cut: 4", "roulette: 1.5", 5, &["method.roulette", "found 1.5; expected 0..=1"]),
     ("StochasticLightcuts", "Lightcut", 5, &["Lightcut", "StochasticLightcuts"]),
     ("StochasticLightcuts(cut: 4)", "7", 5, &["method", "7"]),
     ("seed: 1", "seed: -1", 6, &["seed", "-1"]),

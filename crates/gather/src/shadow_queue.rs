@@ -23,7 +23,19 @@ use crate::side_by_side::{LightSample, Seen as SeenPoint, SideBySide, World};
 pub trait LightEval {
     /// Adds what lights send by way of `x`, each multiplied by its scale, to the pixel sample of `x`. Many that are added
     /// together take less time than one by one.
-    fn add(&mut self, x: &GatherPoint, samples: impl IntoIterator<Item = LightSample>);
+    fn add(&mut self, x: &GatherPoint, samples: impl IntoIterator<Item = LightSample>) {
+        self.add_by_roulette(x, samples, 0.0);
+    }
+
+    /// As [`add`](Self::add), but of those that would add less than the share `roulette`, in 0..=1, of what up to sixteen neighbours
+    /// among them add on average, not all are traced: with a probability in proportion to what each would add, and for as much more.
+    /// The expected sum is the same. Of no trials: what comes of them were no longer what they are compared with.
+    fn add_by_roulette(
+        &mut self,
+        x: &GatherPoint,
+        samples: impl IntoIterator<Item = LightSample>,
+        roulette: f64,
+    );
 
     /// Says that light `id` will be [added](Self::add), after others: its memory is asked for.
     fn expect(&mut self, id: LightId);
@@ -259,8 +271,8 @@ impl<'a> ShadowQueue<'a> {
         (self.counters, &self.scratch.sums)
     }
 
-    /// Queues the shadow rays of the lights that were evaluated.
-    fn queue(&mut self, x: &GatherPoint) {
+    /// Queues the shadow rays of the lights that were evaluated, those of the faint by `roulette`.
+    fn queue(&mut self, x: &GatherPoint, roulette: f64) {
         let QueueScratch {
             side_by_side,
             rays,
@@ -268,8 +280,25 @@ impl<'a> ShadowQueue<'a> {
             ..
         } = &mut *self.scratch;
         self.counters.nonfinite += u64::from(side_by_side.refused());
-        for lit in side_by_side.brought(x) {
+        let faint = match roulette > 0.0 {
+            true => roulette * mean(side_by_side.brought(x).map(|lit| size(lit.value))),
+            false => 0.0,
+        };
+        for mut lit in side_by_side.brought(x) {
             let LightSample { light, trial, .. } = lit.sample;
+            // Where there is something faint its size is above 0, and so is the mean.
+            if faint > 0.0 && size(lit.value) < faint {
+                let size = size(lit.value);
+                if f64::from(self.rng.f32()) * faint >= size {
+                    continue;
+                }
+                lit.value = (lit.value.as_dvec3() * (faint / size)).as_vec3();
+                // One channel may be three times the size.
+                if !lit.value.is_finite() {
+                    self.counters.nonfinite += 1;
+                    continue;
+                }
+            }
             let square = match trial.place {
                 Trial::NO_PLACE => 0,
                 _ => Trials::square(f64::from(luminance(lit.radiance)), trial.expected),
@@ -349,9 +378,29 @@ impl<'a> ShadowQueue<'a> {
     }
 }
 
+/// Mean of the channels, > 0 where one is: it does not underflow.
+fn size(value: Vec3) -> f64 {
+    value.as_dvec3().element_sum() / 3.0
+}
+
+/// 0 of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for value in values {
+        sum += value;
+        count += 1;
+    }
+    sum / f64::from(count.max(1))
+}
+
 impl LightEval for ShadowQueue<'_> {
     #[inline]
-    fn add(&mut self, x: &GatherPoint, samples: impl IntoIterator<Item = LightSample>) {
+    fn add_by_roulette(
+        &mut self,
+        x: &GatherPoint,
+        samples: impl IntoIterator<Item = LightSample>,
+        roulette: f64,
+    ) {
         let world = World {
             scene: self.scene,
             lights: self.lights,
@@ -376,7 +425,7 @@ impl LightEval for ShadowQueue<'_> {
                 }
             }
             side_by_side.evaluate(&world, x, &seen, &mut self.rng);
-            self.queue(x);
+            self.queue(x, roulette);
         }
     }
 

@@ -315,6 +315,12 @@ pub(super) fn settings() -> Vec<MethodSpec> {
         stochastic(1, Weights::MinMax),
         stochastic(100, Weights::Yuksel2019),
     ]);
+    all.extend([0.3, 1.0].map(|roulette| {
+        MethodSpec::StochasticLightcuts(StochasticLightcutsSpec {
+            roulette: Fraction::of(roulette),
+            ..Default::default()
+        })
+    }));
     all
 }
 

@@ -2,8 +2,8 @@
 
 use serde::Deserialize;
 
-/// A fraction, in 0..=1: a share of a total, or a threshold.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+/// A fraction, in 0..=1: a share of a total, or a threshold. 0 by default.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(try_from = "f64")]
 pub struct Fraction(f64);
 
