@@ -53,7 +53,7 @@ pub struct StochasticLightcutsSpec {
     /// Pixels along the edge of the blocks that share a cut, in 1..=8; 1 for a cut at every point.
     pub share: BlockEdge,
     /// Lights that would add less than this share of what a point's lights add on average, in 0..=1, are traced by chance, in
-    /// proportion; 0 to trace all, as published. 0.3 leaves out a third of the rays at hardly more noise.
+    /// proportion; 0 to trace all, as published. 0.3 leaves out up to a third of the rays at hardly more noise.
     pub roulette: Fraction,
 }
 
