@@ -281,15 +281,15 @@ impl<'a> ShadowQueue<'a> {
         } = &mut *self.scratch;
         self.counters.nonfinite += u64::from(side_by_side.refused());
         let faint = match roulette > 0.0 {
-            true => roulette * mean(side_by_side.brought(x).map(|lit| size(lit.value))),
+            true => roulette * mean(side_by_side.values().map(size)),
             false => 0.0,
         };
         for mut lit in side_by_side.brought(x) {
             let LightSample { light, trial, .. } = lit.sample;
-            // Where there is something faint its size is above 0, and so is the mean.
-            if faint > 0.0 && size(lit.value) < faint {
-                let size = size(lit.value);
-                if f64::from(self.rng.f32()) * faint >= size {
+            let size = size(lit.value);
+            if size < faint {
+                debug_assert!(trial.place == Trial::NO_PLACE, "of no trials");
+                if self.rng.f64() * faint >= size {
                     continue;
                 }
                 lit.value = (lit.value.as_dvec3() * (faint / size)).as_vec3();

@@ -365,6 +365,12 @@ impl SideBySide {
         self.outcome.is_refused.count_ones()
     }
 
+    /// What the lights add to the pixel sample that bring something, in their order.
+    #[inline]
+    pub(crate) fn values(&self) -> impl Iterator<Item = Vec3> {
+        bits(self.outcome.is_bright).map(|k| vector(&self.brought.value, k))
+    }
+
     /// The lights that bring something to `x`, in their order.
     #[inline]
     pub(crate) fn brought(&self, x: &GatherPoint) -> impl Iterator<Item = Lit> {
