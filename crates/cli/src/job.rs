@@ -420,7 +420,7 @@ impl Job {
         // Per pixel: running statistics and features of the film (155), the finished picture (80), copies of
         // it while it is written (80). Per virtual light, while trees are built: the set (80 where all are glossy),
         // the tree (100), its eight-way form (47) and what that is made by; by any method 270 were measured at
-        // most, of lights of which few were glossy.
+        // most where few are glossy, and 306 where all are.
         const PIXEL: u64 = 315;
         const LIGHT: u64 = 320;
         let lights = match self.lights {
