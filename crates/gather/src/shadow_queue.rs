@@ -378,9 +378,10 @@ impl<'a> ShadowQueue<'a> {
     }
 }
 
-/// Mean of the channels, > 0 where one is: it does not underflow.
+/// Mean of the channels without their signs, > 0 where one is not 0: it does not underflow. What is estimated by the difference to
+/// something known may be negative.
 fn size(value: Vec3) -> f64 {
-    value.as_dvec3().element_sum() / 3.0
+    value.abs().as_dvec3().element_sum() / 3.0
 }
 
 /// 0 of nothing.
@@ -520,6 +521,14 @@ mod tests {
     use sampling::Purpose;
 
     use super::*;
+
+    #[test]
+    fn nothing_but_black_is_without_size() {
+        for value in [Vec3::X, Vec3::new(1.0, -1.0, 0.0), Vec3::Y * 1e-45] {
+            assert!(size(value) > 0.0 && size(-value) == size(value), "{value}");
+        }
+        assert_eq!(size(Vec3::ZERO), 0.0, "black");
+    }
 
     #[test]
     fn one_point_in_so_many_is_timed_and_not_the_first() {
